@@ -206,7 +206,6 @@ def identify(options: str) -> Any:
     return run(f"identify {file('track.csv', ''.join([lines[0], *lines[2600:3500]]))} {options}")
 
 # Expressions, separated by semicolons and ends of lines.
-
 GROUPS = {
     "leg": """
 body("@") for @ in human, testbed, human 3d, g1, talos, bolt, hopper, geared, four-bar, run-up, stiff, driven, foot
@@ -227,6 +226,7 @@ hit("slips", "paper"); hit("smooth", "paper"); hit("@").uncertainty(**SPREAD) fo
 hit("@").sensitivity() for @ in slips, sticks, smooth, table
 hit_by("@") for @ in human, testbed, human 3d, g1, talos, bolt, hopper, geared, four-bar, run-up, stiff, driven, foot
 hit_by("@", "stronge") for @ in four-bar, g1, human 3d, geared
+[hit_by("@", friction=0.05 * k) for k in range(1, 16)] for @ in human, human 3d
 hit_by("@", friction=0.0, engine="pinocchio") for @ in g1, hopper, run-up, human 3d
 hit_by("@").sensitivity() for @ in run-up, four-bar, bolt, geared, hopper, human 3d
 hit().sensitivity(of_leg=False); hit(ball_velocity=(60, 0, 30)); hit("sticks", ball=kd.Ball(5, 0.12, 0.4)); hit().plot(q=0.02, v=0.3)
@@ -290,8 +290,7 @@ learn(); learn(HUMAN); learn(prior={"wind_x": 0.5, "drag_scale": 0.1}, scatter=0
 run("paper --only @ --json out.json") for @ in fig1, table2, fig8, fig9, fig10, fig15, table4""",
     "view": """
 page(hit(), kd.fly(hit().ball_after, BALL, AIR, kd.Ground(-2)), caption="a <kick>"); page(hit(), kd.follow(hit().ball_after, BALL, AIR, TURF))
-page(hit_by("@")) for @ in g1, human 3d, hopper
-page({"soft": hit(), "<hard>": hit_by("testbed")}); page({"calm": fly(CALM)[0], "wind": fly()[0]}, caption="two"); page(POSTURE, caption="bent")
+page({"soft": hit(), "<hard>": hit_by("testbed")}); page({"calm": fly(CALM)[0], "wind": fly()[0]}, caption="two"); page(POSTURE); page(hit_by("@")) for @ in g1, human 3d, hopper
 page(kd.plan_pass(kd.Goal((12, 3, 0), time=1.5), BALL)); page(fit()); page(kick()); page(meet(ROLLING)[0]); page(scene("@")) for @ in compliant, course, plane
 page(leg("@")) for @ in g1, geared""",
     "command": """

@@ -7,6 +7,7 @@ import pytest
 from tolerances import integrated
 
 import kickdyn as kd
+from kickdyn.flight import batch
 from kickdyn.flight.batch import fly_many
 from kickdyn.flight.derivatives import fly_with_launch_slopes
 from kickdyn.flight.flight_result import outside_ranges
@@ -14,6 +15,14 @@ from kickdyn.flight.flight_result import outside_ranges
 BALL = kd.Ball()
 AIR = kd.Air()
 FLAGS = {"landed": 0, "aloft": 1, "failed": 2}
+
+
+@pytest.fixture(params=[False, True], ids=["Python", "machine code"])
+def way(request, monkeypatch):
+    """Flights in Python or in machine code, and not the other way."""
+    monkeypatch.setattr(batch.MARCH, "pays", lambda _: request.param)
+    other = "_one_by_one" if request.param else "_flights"
+    monkeypatch.setattr(batch, other, lambda *_: pytest.fail(f"{other} is not to be called"))
 
 
 def launches(n, seed, height=0.0, slowest=5.0):
@@ -59,6 +68,7 @@ def assert_as_fly(states, ball, air, ground=None, tol=1e-12, rows=None, **option
     return many
 
 
+@pytest.mark.usefixtures("way")
 @pytest.mark.parametrize(("air", "ground", "height"), [(AIR, None, 0.0),
     (kd.Air(wind=(-6, 3, 0.5)), kd.Ground(0.0), np.linspace(0.2, 5, 40)),
     (kd.Air(wind=(-6, 3, 0.5)), kd.Ground(-40.0), 0.0),
@@ -87,6 +97,7 @@ def test_functions_of_a_user_are_compiled():
     assert_as_fly(launches(20, 3, slowest=15.0), BALL, air, tol=1e-6)
 
 
+@pytest.mark.usefixtures("way")
 @pytest.mark.parametrize("air", [None, kd.Air(density=0), kd.Air(drag=None)], ids=str)
 def test_only_flights_with_more_than_weight_are_integrated(air):
     """Lift without drag acts on balls that spin."""
@@ -96,6 +107,7 @@ def test_only_flights_with_more_than_weight_are_integrated(air):
     assert (many.evaluations.values > 0).tolist() == integrated_rows.tolist()
 
 
+@pytest.mark.usefixtures("way")
 def test_the_highest_of_several_crests_counts():
     """A light ball with strong lift flies loops."""
     states, ball = kd.BallState((0, 0, 1), [(20, 0, 6)], (0, -80, 0)), kd.Ball(0.05, 0.11)
@@ -106,6 +118,7 @@ def test_the_highest_of_several_crests_counts():
     assert ((z[1:-1] > z[:-2]) & (z[1:-1] > z[2:])).sum() > 1
 
 
+@pytest.mark.usefixtures("way")
 @pytest.mark.parametrize(
     ("ball", "air", "limit", "status"),
     [
@@ -126,6 +139,7 @@ PLANE = kd.Plane((21, 0, 0), (-1, 0.2, 0))
 FAR = kd.Event("far", lambda state, numbers: 21.5**2 - state[0] ** 2 - state[1] ** 2)
 
 
+@pytest.mark.usefixtures("way")
 @pytest.mark.parametrize("air", [AIR, None], ids=["air", "vacuum"])
 @pytest.mark.parametrize("ends", [[], [FAR]], ids=["plane", "plane and event"])
 def test_many_flights_end_at_the_events_of_one(air, ends):
@@ -151,6 +165,7 @@ def raising_above_30(reynolds, spin_parameter):
     return 0.2
 
 
+@pytest.mark.usefixtures("way")
 @pytest.mark.parametrize("coefficient", [spoilt_above_30, raising_above_30])
 @pytest.mark.parametrize("too_fast", [True, False])
 def test_a_row_without_a_coefficient_fails_and_the_others_do_not(coefficient, too_fast):
@@ -210,6 +225,18 @@ def test_the_error_of_each_flight_is_at_or_above_the_truth(tol):
     assert np.median(error[seen] / true[seen]) < 10
 
 
+@pytest.mark.usefixtures("way")
+@pytest.mark.parametrize("air", [AIR, kd.Air(drag=lambda re, sp: 0.2 + 0.01 * sp)], ids=str)
+def test_the_error_is_that_of_each_flight(air):
+    """Twice the change by a finer tolerance, which is of another integrator in machine code."""
+    states = launches(12, seed=7, height=0.5, slowest=12.0)
+    many = fly_many(states, BALL, air, kd.Ground(), 1e-5, error=True)
+    for i, error in enumerate(many.error.values):
+        one = kd.fly(row_of(states, i), BALL, air, kd.Ground(), 1e-5)
+        assert 0.1 < error / one.error < 10, i
+
+
+@pytest.mark.usefixtures("way")
 @pytest.mark.parametrize("plane", [None, kd.Plane((9, 0, 0), (-1, 0, 0.1))], ids=["ground", "wall"])
 def test_slopes_of_landings_are_those_of_flights_side_by_side(plane):
     velocity = np.array([[18.0, 2.0, 9.0], [25.0, -1.0, 6.0], [12.0, 0.0, 12.0]])

@@ -68,13 +68,17 @@ def test_with_drag_they_are_relative_to_the_closed_form_straight_up(speed):
     assert result == pytest.approx((1e-6, 2e-6 * height, 1e-6 * back), rel=closed_form(100))
 
 
-@pytest.mark.parametrize("speed", [15.0, 60.0, 1e3])
-def test_the_drag_length_is_of_the_least_drag_on_the_way(speed):
+@pytest.mark.parametrize(
+    ("drag", "speed"),
+    [*(("brazuca", speed) for speed in (15.0, 60.0, 1e3)), ("stokes", 1e-3), ("sphere", 0.1)],
+)
+def test_the_drag_length_is_of_the_least_drag_on_the_way(drag, speed):
     """From a thousandth of the speed up to the next of 8 steps a decade."""
-    air = kd.Air(drag="brazuca")
+    air = kd.Air(drag=drag)
+    reynolds = 2 * BALL.radius * air.density / air.viscosity  # at 1 m/s
     length = float(drag_length(BALL, air)(np.array(speed)))
     low, high = (
-        2 * BALL.mass / (air.density * BALL.cross_section * min(map(air.drag, 14_500 * speeds)))
+        2 * BALL.mass / (air.density * BALL.cross_section * min(map(air.drag, reynolds * speeds)))
         for speeds in (np.geomspace(speed / 1e3, most, 400) for most in (speed, 1.34 * speed))
     )
     assert 0.97 * low <= length <= 1.01 * high

@@ -117,6 +117,17 @@ def test_a_flight_ends_on_the_ground_or_at_the_height_of_the_launch(air, height)
     assert last.position == pytest.approx(path.landing.position, abs=1e-9)
 
 
+@pytest.mark.parametrize("early", [0.1, 0.01, 1e-4])
+def test_a_wall_before_the_crest_is_the_highest_point(early):
+    """The last step of the integration goes beyond the crest, the flight does not."""
+    free = kd.fly(launch(), BALL, AIRS["air"])
+    point = free.sample(free.apex.time - early).position
+    path = kd.fly(launch(), BALL, AIRS["air"], plane=kd.Plane(point, (-1, 0, 0)))
+    assert path.status == "at-plane"
+    assert path.apex.time == path.duration == pytest.approx(free.apex.time - early, rel=1e-7)
+    assert path.height == pytest.approx(point[2], rel=integrated(1e-9))
+
+
 @every_air
 @pytest.mark.parametrize("velocity", [(20, 0, 0), (20, 0, -5), (0, 0, 0)])
 def test_a_ball_on_the_ground_that_does_not_rise_has_landed(air, velocity):

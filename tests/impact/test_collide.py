@@ -15,6 +15,7 @@ from chains import (
     random_kick,
     random_leg,
 )
+from scipy.integrate import solve_ivp
 from tolerances import agrees, integrated
 
 import kickdyn as kd
@@ -82,6 +83,52 @@ def test_gravity_and_torque_act_meanwhile():
     assert (after.time, collision.impulse[2]) == (time, pytest.approx(0.0, abs=1e-9))
     total = 2.0 * collision.v_after[0] + ball.mass * after.velocity[0]
     assert total == pytest.approx(2.0 * 5.0 + push * time, rel=integrated(1e-9))
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.8], ids=["slips", "stops"])
+def test_friction_by_an_implicit_integrator(friction):
+    """Radau, of a ball and a mass that does not turn; below 1e-6 m/s the friction is viscous."""
+    ball, mass, e, v = kd.Ball(), 2.0, 0.6, [9.0, 1.0, 3.0]
+    contact = kd.Contact((1, 0.2, 0.6), e, friction)
+    motion = {"ball_velocity": (-2.0, 0.5, 1.0), "ball_spin": (20.0, 50.0, -30.0)}
+    kick = rails("xyz", mass).posture([0.0] * 3), v, ball, contact
+    collision = kd.collide(*kick, **motion, tol=1e-9)
+    n, k = contact.normal, collision.force_model.stiffness
+
+    def rates(_, y, largest):
+        centre, foot, velocity, spin = y.reshape(4, 3)
+        height = n @ centre
+        deflection = ball.radius - height
+        size = (deflection - (1 - e * e) * largest) / e**2 if largest else deflection
+        sliding = velocity - foot - height * np.cross(spin, n)
+        sliding -= (n @ sliding) * n
+        force = n - friction * sliding / math.hypot(*sliding, 1e-6)
+        force *= k * max(size, 0.0) ** 1.5
+        torque = height * np.cross(force, n)
+        rate = velocity - foot, -force / mass, force / ball.mass, torque / ball.inertia
+        return np.concatenate(rate)
+
+    def ends(_, y, largest):
+        if largest:
+            return ball.radius - n @ y[:3] - (1 - e * e) * largest
+        return n @ (y[3:6] - y[6:9])  # approach
+
+    ends.terminal, ends.direction = True, -1.0
+    y, time, largest = np.concatenate([ball.radius * n, v, *motion.values()]), 0.0, 0.0
+    for _ in range(2):
+        path = solve_ivp(rates, (time, 0.1), y, "Radau", events=ends, args=(largest,), rtol=1e-7,
+                         atol=1e-9, first_step=1e-6)  # fmt: skip
+        time, y = path.t[-1], path.y[:, -1]
+        largest = ball.radius - n @ y[:3]
+    near = integrated(1e-7)
+    agrees(collision.impulse, ball.mass * (y[6:9] - motion["ball_velocity"]), near)
+    agrees(collision.ball_after.velocity, y[6:9], near)
+    agrees(collision.ball_after.spin, y[9:12], near)
+    agrees(collision.v_after, y[3:6], near)
+    assert collision.contact_time == pytest.approx(time, rel=near)
+    pressing = n @ collision.impulse
+    share = np.linalg.norm(collision.impulse - pressing * n) / (friction * pressing)
+    assert share > 0.99 if friction == 0.1 else share < 0.5
 
 
 @pytest.mark.parametrize(("seed", "friction"), [(0, 0.0), (2, 0.3), (3, 0.3)])

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from chains import floating_leg, rails, random_leg
+from chains import floating_leg, in_units, kinetic_energy, rails, random_leg
 from contacts import random_strikes
 from tolerances import agrees, integrated
 
@@ -49,6 +49,24 @@ def test_every_row_is_a_contact(seed):
         assert many.energy_residual[i] < 2e-5
     assert np.all(refused)
     assert np.bincount(many.status, minlength=4)[1:3].min() > 2
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_energy_lost_is_what_leg_and_ball_lack(seed):
+    rng = np.random.default_rng(seed)
+    leg, n = in_units(random_leg(rng), 1.0, 1.0), 20  # without gravity
+    q, v, balls, contacts, motion = random_strikes(rng, leg, n, speed_table=True)
+    many = kd.collide_many(leg, q, v, balls, contacts, contact_time=0.004, tol=1e-9, **motion)
+    rows = np.flatnonzero(many.status < StrikeStatus.NO_IMPACT.flag)
+    assert len(rows) > 4
+    for i in rows:
+        before = kd.BallState(np.zeros(3), *(value[i] for value in motion.values()))
+        after = kd.BallState(many.ball_position[i], many.ball_velocity[i], many.ball_spin[i])
+        energy = kinetic_energy(leg.posture(q[i]), v[i], balls[i], before)
+        lost = energy - kinetic_energy(
+            leg.posture(many.q_after[i]), many.v_after[i], balls[i], after
+        )
+        assert many.energy_lost[i] == pytest.approx(lost, abs=integrated(1e-7) * energy), i
 
 
 def test_two_masses():

@@ -1,6 +1,7 @@
 """Impulses at several contacts: the laws themselves, law `newton`, and Pinocchio's ADMM."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from contacts import LegAndBall, by_newton
 from tolerances import agrees, differenced, optimized
@@ -59,6 +60,38 @@ def test_any_friction_and_any_scale(count, decades):
         for p, sliding in zip(impulses.reshape(-1, 3), np.hypot(u[:, 0], u[:, 1]), strict=True):
             states.add("open" if p[2] == 0 else "slip" if sliding > 1e-6 else "stick")
     assert decades or count == 1 or states == {"open", "slip", "stick"}
+
+
+def admm(delassus, free, frictions):
+    """The impulses by Pinocchio, converged or not."""
+    body, here, models = pin.Model(), pin.SE3.Identity(), pin.StdVec_ConstraintModel()
+    body.addJoint(0, pin.JointModelFreeFlyer(), here, "any")
+    for friction in frictions:
+        point = pin.PointContactConstraintModel(body, 1, here, 0, here)
+        point.setFriction(float(friction))
+        models.append(pin.ConstraintModel(point))
+    data = pin.StdVec_ConstraintData()
+    for model in models:
+        data.append(model.createData())
+    options, result = pin.ADMMSolverSettings(), pin.ADMMSolverResult()
+    options.max_iterations = 20_000
+    for kind in ("feasibility", "complementarity"):
+        setattr(options, f"absolute_{kind}_tol", 1e-13)
+        setattr(options, f"relative_{kind}_tol", 1e-13)
+    operator = pin.DelassusOperatorDense(np.asfortranarray(delassus))
+    pin.ADMMConstraintSolver(len(free)).solve(operator, free, models, data, options, result)
+    return np.array(result.retrieveConstraintImpulses())
+
+
+def test_where_admm_converges_they_agree():
+    converged = 0
+    for seed in range(12):
+        problem = contacts(seed, 3, frictions=[0.0, 0.2, 0.5])
+        expected = admm(*problem)
+        if obeys(*problem, expected):
+            converged += 1
+            agrees(solve_cones(*problem)[0], expected, optimized(1e-8))
+    assert converged > 8
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Newton's law with Coulomb's cone: its conditions, root finding, and Pinocchio's cone solvers."""
+"""Newton's law with Coulomb's cone: its conditions, and all solutions by root finding."""
 
 import itertools
 import math

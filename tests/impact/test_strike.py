@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from chains import kinetic_energy, random_kick, random_leg
+from chains import in_units, kinetic_energy, random_kick, random_leg, slides
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import agrees, closed_form, optimized
@@ -135,6 +135,32 @@ def test_a_base_that_moves_is_another_frame_of_reference(law, seed):
     np.testing.assert_allclose(impact.impulse, seen.impulse, rtol=0, atol=ball.mass * rounding)
     np.testing.assert_allclose(impact.foot_velocity, seen.foot_velocity + carried, atol=1e-11)
     assert impact.restitution_residual == pytest.approx(seen.restitution_residual, abs=1e-8)
+
+
+@laws
+@given(seed=seeds, metre=st.integers(-20, 20), half=st.integers(-9, 9), second=st.integers(-20, 20))
+@settings(max_examples=15)
+def test_powers_of_two_of_the_units_change_no_bit(law, seed, metre, half, second):
+    """Of the kilogram powers of four, for roots of masses are taken."""
+    rng = np.random.default_rng(seed)
+    leg, friction = random_leg(rng), rng.choice([0.0, 0.3, 2.0])
+    (posture, v, ball, contact), motion = random_kick(rng, leg, friction=friction)
+    impact = kd.strike(posture, v, ball, contact, law, **motion)
+    m, kg, s, lengths = 2.0**metre, 4.0**half, 2.0**second, (2.0**metre) ** slides(leg)
+    again = kd.strike(
+        in_units(leg, m, kg).posture(posture.q * lengths), v * lengths / s,
+        kd.Ball(ball.mass * kg, ball.radius * m), contact, law,
+        ball_velocity=motion["ball_velocity"] * m / s, ball_spin=motion["ball_spin"] / s,
+    )  # fmt: skip
+    units = np.repeat([kg * m / s, kg * m**2 / s], 3)
+    for result, expected in (
+        (again.impulse, impact.impulse * units[0]),
+        (again.energy_lost, impact.energy_lost * kg * m**2 / s**2),
+        (again.v_after, impact.v_after * lengths / s),
+        (again.ball_after.spin, impact.ball_after.spin / s),
+        (again.joint_impulses, impact.joint_impulses * units),
+    ):
+        np.testing.assert_array_equal(result, expected)
 
 
 @pytest.mark.parametrize(

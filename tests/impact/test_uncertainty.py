@@ -1,8 +1,8 @@
-"""Uncertainty budgets: by derivatives and differences, and as sums of their parts."""
+"""Uncertainty budgets: by derivatives, by random draws, and as sums of their parts."""
 
 import numpy as np
 import pytest
-from tolerances import agrees, closed_form
+from tolerances import agrees, closed_form, sampled
 
 import kickdyn as kd
 
@@ -60,6 +60,37 @@ def test_covariances_follow_from_the_derivatives(friction):
             direction = load[part] / np.linalg.norm(load[part])
             expected = np.sqrt(direction @ exact[part, part] @ direction)
             assert deviation == pytest.approx(expected, rel=closed_form(100)), name
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1, 3.0])
+def test_covariances_are_those_of_random_draws(friction):
+    rng, n = np.random.default_rng(1), 4000
+    spread = np.array([[4.0, 1.9, 0.0], [1.9, 1.0, 0.0], [0.0, 0.0, 9.0]]) * 1e-4
+    impact, deviations = kick(friction=friction), np.array([0.004, 0.006, 0.008])
+    ours = impact.uncertainty(
+        q=deviations, v=spread, restitution=0.01, normal=0.005, ball_mass=0.004
+    )
+    assert ours.branch_sigmas > 5
+    normals = impact.contact.normal + 0.005 * rng.normal(size=(n, 3))
+    contacts = [kd.Contact(normal, e, friction)
+                for normal, e in zip(normals, rng.normal(0.7, 0.01, n), strict=True)]  # fmt: skip
+    balls = [kd.Ball(mass) for mass in rng.normal(0.43, 0.004, n)]
+    q, v = rng.normal(Q, deviations, (n, 3)), rng.multivariate_normal(V, spread, size=n)
+    drawn = kd.strike_many(LEG, q, v, balls, contacts)
+    for result, rows in (("impulse", drawn.impulse), ("velocity", drawn.ball_velocity),
+                         ("spin", drawn.ball_spin)):  # fmt: skip
+        covariance = np.cov(rows.T)
+        gap = np.abs(getattr(ours, result) - covariance).max()
+        assert gap <= sampled(n) * np.trace(covariance) + 1e-24, result
+    sizes = {"impulse_size": drawn.impulse, "speed": drawn.ball_velocity}
+    for name, rows in sizes.items():
+        deviation = np.std(np.linalg.norm(rows, axis=1))
+        assert getattr(ours, name) == pytest.approx(deviation, rel=sampled(n)), name
+    for k, joint in enumerate(ours.joints.values()):
+        covariance = np.cov(drawn.joint_impulses[:, k].T)
+        assert np.abs(joint.impulse - covariance).max() <= sampled(n) * np.trace(covariance)
+        force = np.std(np.linalg.norm(drawn.joint_impulses[:, k, :3], axis=1))
+        assert joint.force_deviation == pytest.approx(force, rel=sampled(n)), k
 
 
 def test_parts_add_up():

@@ -144,7 +144,8 @@ def _statements(text: str) -> tuple[ast.stmt, ...]:
 
 
 def _first_line(node: ast.stmt) -> int:
-    return min([node.lineno, *(line.lineno for line in getattr(node, "decorator_list", []))])
+    lines = [line.lineno for line in getattr(node, "decorator_list", [])]
+    return int(min([node.lineno, *lines]))
 
 
 def _last_line(node: ast.stmt) -> int:

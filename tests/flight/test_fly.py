@@ -122,7 +122,7 @@ def test_a_wall_before_the_crest_is_the_highest_point(early):
     """The last step of the integration goes beyond the crest, the flight does not."""
     free = kd.fly(launch(), BALL, AIRS["air"])
     point = free.sample(free.apex.time - early).position
-    path = kd.fly(launch(), BALL, AIRS["air"], plane=kd.Plane(point, (-1, 0, 0)))
+    path = kd.fly(launch(), BALL, AIRS["air"], plane=kd.Plane(point, (-1, 0, 0), "centre"))
     assert path.status == "at-plane"
     assert path.apex.time == path.duration == pytest.approx(free.apex.time - early, rel=1e-7)
     assert path.height == pytest.approx(point[2], rel=integrated(1e-9))

@@ -25,6 +25,8 @@ def test_a_dropped_ball_takes_the_geometric_series():
     total = speed / G + sum(2 * v / G for v in rebounds)
     assert [b.velocity[2] for b in course.bounces] == pytest.approx(rebounds, rel=1e-12)
     assert course.duration == pytest.approx(total, rel=1e-12)
+    hop = LEAST_REBOUND**2 / (2 * G)
+    assert hop == pytest.approx(1e-3, rel=0.2)
     assert (course.status, course.distance) == ("at-rest", 0)
     assert course.flights[1].height == pytest.approx(2 * e**2, rel=1e-12)
 

@@ -90,7 +90,7 @@ def two_contacts(seed, friction=0.3):
     return ContactProblem(tuple(contacts), bodies)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 38, 53])  # the last ones push one that recedes
 def test_several_contacts_are_one_multibody_system(seed):
     """Delassus matrix, velocities and jumps by the Jacobian of both balls at both contacts."""
     problem = two_contacts(seed)

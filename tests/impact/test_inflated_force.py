@@ -1,7 +1,6 @@
 """The force of an inflated ball in `collide`: limits, balances, and another integrator."""
 
 import math
-import pickle
 from dataclasses import replace
 from functools import partial
 
@@ -114,17 +113,6 @@ def test_force_and_energy_at_a_deflection(u, share):
     moving = 0.5 * carried * (1 - carried / 0.43) * speed**2
     energy = SHELL_RESTITUTION**2 * work + moving
     assert force.energy(travel, rate) == pytest.approx(energy, rel=1e-9)
-
-
-def test_a_copy_and_the_named_stiffness_have_the_same_force():
-    collision = head_on(12.0, tol=1e-7)
-    again = pickle.loads(pickle.dumps(collision))
-    assert again.force_model == collision.force_model == InflatedForce.of(BALL)
-    named = head_on(12.0, tol=1e-7, stiffness="inflated")
-    for other in (again, named):
-        assert other.impulse.tolist() == collision.impulse.tolist()
-    assert collision.error < 1e-5 * collision.impulse[0]
-    assert collision.visible_contact_time == collision.contact_time
 
 
 @pytest.mark.parametrize(("speed", "warned"), [(20.0, False), (34.0, True)])

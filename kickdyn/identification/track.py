@@ -5,12 +5,14 @@ import csv
 import io
 import math
 import os
+import struct
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from os import PathLike
+from pathlib import Path
 from zipfile import BadZipFile
 
 import numpy as np
@@ -298,6 +300,8 @@ def _send_c3d() -> None:
     output = os.dup(1)
     os.dup2(2, 1)  # ezc3d may print
     content = ezc3d.c3d(sys.argv[1])
+    if content["data"]["points"].shape[2] < _frames_of_header(sys.argv[1]):
+        sys.exit("the file ends early, which ezc3d hides")
     points = content["parameters"]["POINT"]
     file = io.BytesIO()
     np.savez(
@@ -310,6 +314,16 @@ def _send_c3d() -> None:
     )
     with os.fdopen(output, "wb") as stream:
         stream.write(file.getvalue())
+
+
+def _frames_of_header(file: str) -> int:
+    """Return the number of frames by the header of a C3D file; 65535 at most, where it is full."""
+    with Path(file).open("rb") as stream:
+        header = stream.read(10)
+        stream.seek(512 * (header[0] - 1) + 3)
+        big_endian = stream.read(1) == b"\x56"  # the processor is MIPS
+    first, last = struct.unpack(">HH" if big_endian else "<HH", header[6:])
+    return int(last - first + 1)
 
 
 def _finite_rows(name: str, value: ArrayLike) -> Array:

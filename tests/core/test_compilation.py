@@ -30,6 +30,19 @@ def plus(tmp_path):
     return run, sorted((tmp_path / "kept").rglob("*.nb?"))
 
 
+@pytest.mark.parametrize("kind", ["empty", "garbage", "truncated"])
+def test_damaged_machine_code_is_compiled_again(plus, kind):
+    run, files = plus
+    sizes = [file.stat().st_size for file in files]
+    for file in files:
+        content = file.read_bytes()
+        half = content[: len(content) // 2]
+        file.write_bytes({"empty": b"", "garbage": b"garbage", "truncated": half}[kind])
+    ended = run()
+    assert (ended.stdout, ended.stderr) == ("2.0\n", "")
+    assert [file.stat().st_size for file in files] == sizes
+
+
 def test_machine_code_that_others_could_have_written_is_not_read(plus, tmp_path):
     run, files = plus
     code = f"open({str(tmp_path / 'planted')!r}, 'w')"

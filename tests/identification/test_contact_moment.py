@@ -91,3 +91,13 @@ SIDEWAYS = kd.Track(*(lambda t: (t.times, t.positions[:, [0, 2, 1]]))(ball_track
 def test_what_is_no_contact_is_refused(contact, message):
     with pytest.raises(kd.InvalidInput, match=message):
         kd.fit_motion(track(50), LEG, PLACES, contact=contact)
+
+
+def test_the_picture_has_the_time_from_the_contact_in_milliseconds():
+    motion = kd.fit_motion(track(200), LEG, PLACES, scale=False, contact=-0.02)
+    angles = motion.plot(["knee"]).axes[0]
+    time, angle = angles.lines[0].get_data()
+    column = LEG.model.idx_qs[LEG.model.getJointId("knee")]
+    right = [np.degrees(motion.q(-0.02 + 1e-3 * t)[column]) for t in time[[0, 100, -1]]]
+    assert angle[[0, 100, -1]] == pytest.approx(right)
+    assert max(line.get_xdata()[-1] for line in angles.lines) >= -1e-9

@@ -27,6 +27,7 @@ def test_each_kick_has_values_and_deviations():
         ("impulse on the ball [N s]", "fast", BALL.mass * speed[fast]),
         ("effective mass [kg]", "slow", slow.effective_mass),
         ("effective mass [kg]", "slow +-", slow.deviations["effective_mass"]),
+        ("foot speed [m/s]", "slow +-", slow.deviations["foot_speed"]),
         ("impulse in knee [N s]", "slow", slow.joint_sizes["knee"]),
         ("impulse in knee [N s]", "slow +-", slow.joint_deviations["knee"]),
     ):  # fmt: skip

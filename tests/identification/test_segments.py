@@ -93,10 +93,10 @@ def test_drag_is_no_rolling_deceleration():
 @pytest.mark.parametrize(("count", "deviation"), [(41, 0.001), (41, 0.05), (1, 0.05), (2, 0.05)])
 def test_the_deviation_of_a_median_is_that_of_simulated_medians(count, deviation):
     """Of many values by their spread, of few by their own deviations."""
-    values = np.random.default_rng(3).normal(0.6, 0.05, (400, count))
+    values = np.random.default_rng(3).normal(0.6, 0.05, (1500, count))
     medians = [_median([(value, deviation) for value in row]) for row in values]
     spread = np.std([one.median for one in medians])
-    assert np.median([one.deviation for one in medians]) == pytest.approx(spread, rel=sampled(800))
+    assert np.median([one.deviation for one in medians]) == pytest.approx(spread, rel=sampled(3000))
 
 
 def bounce_of_a_parabola(down, up, count, height=0.0):

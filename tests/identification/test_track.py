@@ -1,13 +1,18 @@
 """Tracks of a ball: slices, files with gaps and units, and what is refused."""
 
 import csv
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
-from kickdyn.identification.track import check_samples, refuse_units
+from kickdyn.errors import FaultyFile
+from kickdyn.identification.track import _send_c3d, check_samples, refuse_units
+
+C3D = Path(__file__).resolve().parents[2] / "data" / "kick_instep.c3d"
 
 
 def test_a_slice_is_a_track():
@@ -74,3 +79,32 @@ def test_five_samples_less_than_a_second_apart_are_enough():
     for interval, count, message in ((0.1, 4, "4 samples"), (1.1, 5, r"1\.1 s apart")):
         with pytest.raises(kd.InvalidInput, match=message):
             check_samples(kd.Track(interval * np.arange(count), np.zeros((count, 3))))
+
+
+@pytest.mark.parametrize("damage", ["half", "garbage", "missing"])
+def test_a_damaged_c3d_file_is_refused_in_one_line(tmp_path, damage):
+    pytest.importorskip("ezc3d")
+    file, content = tmp_path / "kick.c3d", C3D.read_bytes()
+    if damage != "missing":
+        file.write_bytes({"half": content[: len(content) // 2], "garbage": b"t,x,y"}[damage])
+    word = "no such file" if damage == "missing" else "C3D"
+    with pytest.raises(FaultyFile, match=rf"kick\.c3d.*{word}") as refused:
+        kd.Track.from_c3d(file, "ball")
+    assert "\n" not in str(refused.value).strip()
+
+
+def test_a_c3d_file_is_read_without_modules_of_the_working_directory(tmp_path, monkeypatch):
+    pytest.importorskip("ezc3d")
+    (tmp_path / "numpy.py").write_text('raise SystemExit("planted")')
+    monkeypatch.chdir(tmp_path)
+    assert len(kd.Track.from_c3d(C3D, "ball")) > 5
+
+
+def test_the_process_that_reads_a_c3d_file_is_limited(monkeypatch):
+    resource, limits = pytest.importorskip("resource"), {}
+    monkeypatch.setattr(resource, "setrlimit", limits.__setitem__)
+    monkeypatch.setattr("sys.argv", ["", "none.c3d", "2000", "7"])
+    monkeypatch.setitem(sys.modules, "ezc3d", None)  # what it may cost is limited before
+    with pytest.raises(ImportError):
+        _send_c3d()
+    assert limits == {resource.RLIMIT_AS: (2000, 2000), resource.RLIMIT_CPU: (7, 7)}

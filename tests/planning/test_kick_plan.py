@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import gymnasium
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.interpolate import BSpline
 
 import kickdyn as kd
 from kickdyn.motion.motion import Motion
+from kickdyn.planning.kick_plan import check_ball_overlap_after
 from kickdyn.robot.collisions import find_ball_overlaps
 from kickdyn.robot.ground_clearance import find_depths
 
@@ -81,3 +83,24 @@ def test_bodies_that_overlap_in_the_motion_are_named_with_the_deepest_time(place
     assert depths_in(line) == pytest.approx(depths, abs=6e-4)
     assert max(depths.values()) > 0.02
     assert plan.status == "collides"
+
+
+@pytest.mark.parametrize("back", [True, False])
+def test_bodies_in_the_way_of_the_ball_after_the_impact_are_named(placed, back):
+    """Of a leg that stays as it is, and a ball that flies through the shank, or away."""
+    still = SimpleNamespace(begin=-0.1, end=0.2, q=lambda t: placed.q)
+    launch = kd.BallState(placed.impact.ball_before.position, (-6, 0, 6) if back else (9, 0, 6))
+    path = kd.fly(launch, BALL, ground=kd.Ground(-9.0))
+    named = check_ball_overlap_after(replace(placed, motion=still, path=path))
+    posture, deepest = placed.impact.posture, {}
+    for t in np.arange(1e-3, 0.2, 1e-3):
+        overlaps = find_ball_overlaps(posture, path.sample(t).position, BALL.radius)
+        deepest |= {name: max(x, deepest.get(name, 0.0)) for name, x in overlaps.items()}
+    at_impact = find_ball_overlaps(posture, launch.position, BALL.radius)
+    right = {name: depth for name, depth in deepest.items() if name not in at_impact}
+    assert bool(right) == back
+    depths = depths_in(named[0]) if named else {}
+    assert depths == pytest.approx({name: right[name] for name in depths}, abs=0.01)
+    assert max(depths.values(), default=0.0) == pytest.approx(
+        max(right.values(), default=0.0), abs=0.01
+    )

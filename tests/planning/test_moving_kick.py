@@ -63,6 +63,16 @@ def test_a_rolling_ball_is_met_at_the_cheapest_of_the_meetings(rolling):
     assert again.speed_use <= rolling.speed_use * 1.01
 
 
+def test_a_half_volley_is_met_after_its_bounce():
+    ground, goal = kd.Ground(-0.82, "turf"), kd.Goal((10.0, 0.0, 0.6), time=0.9)
+    bounce = kd.follow(DROPPING, BALL, AIR, ground, 1e-12).bounces[0]
+    incoming = kd.IncomingBall(DROPPING, ground, bounce.time + 0.02)
+    plan = kd.plan_kick(HUMAN, goal, BALL, AIR, incoming=incoming)
+    assert (plan.status, plan.meeting.time) == ("met", pytest.approx(bounce.time + 0.02))
+    assert plan.meeting.ball.velocity[2] > 1.0
+    check(plan, goal, DROPPING)
+
+
 @pytest.mark.slow
 def test_a_ball_that_comes_from_aside_is_met_and_a_weaker_kick_gives_a_share():
     goal = kd.Goal((4, 1, 0), time=0.8)

@@ -13,6 +13,7 @@ from tolerances import agrees, closed_form, differenced
 
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
+from kickdyn.flight.forces import acceleration_function
 from kickdyn.impact.collide import duration
 from kickdyn.scene import launch_and_end as launch_end
 
@@ -161,10 +162,10 @@ def test_slopes_are_those_of_central_differences(parts):
 def test_the_deviation_of_an_end_is_that_of_sources_that_act_together():
     """Where the parts of velocity and spin are parallel, the deviations add up."""
     rng = np.random.default_rng(2)
-    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    slope = rng.normal(size=(3, 3))
     direction, amounts = rng.normal(size=3), rng.normal(size=1000)
-    velocity, spin = np.outer(amounts, direction), np.outer(0.3 * amounts, turn @ direction)
-    slopes = launch_end.EndSlopes(2.0 * turn, 0.7 * np.eye(3))
+    velocity, spin = np.outer(amounts, direction), np.outer(0.3 * amounts, slope @ direction)
+    slopes = launch_end.EndSlopes(2.0 * slope, 0.7 * np.eye(3))
     launch = SimpleNamespace(velocity=np.cov(velocity.T), spin=np.cov(spin.T))
     ends = velocity @ slopes.velocity.T + spin @ slopes.spin.T
     right = math.sqrt(np.trace(np.cov(ends.T)))
@@ -240,14 +241,28 @@ def test_in_a_vacuum_the_error_of_an_end_is_that_of_the_parabola():
     assert launch_end.least_duration(scene_of(air=WIND), LAUNCH) == 0.0
 
 
+def test_an_error_of_the_spin_moves_the_end_by_half_the_change_of_lift_times_the_time_squared():
+    scene, change = scene_of(air=kd.Air(drag=None), ground=LEVEL), 1e-3
+    path = launch_end.fly_scene(scene, LAUNCH)
+    acceleration = acceleration_function(scene.ball, scene.air)
+    lifts = [acceleration(1.0, *LAUNCH.velocity, *(LAUNCH.spin + dw))[:3]
+             for dw in (np.zeros(3), *(change * np.eye(3)))]  # fmt: skip
+    lift = np.linalg.norm(np.subtract(lifts[1:], lifts[0]), axis=1).max()
+    slant = size(path.landing.velocity) / abs(path.landing.velocity[2])
+    right = launch_end.END_SAFETY * slant * 0.5 * lift * path.duration**2
+    error = launch_end.end_error(scene, path, launch_end.LaunchError(0.0, change, 0.0))
+    assert error == pytest.approx(right, rel=1e-6)
+
+
 @pytest.mark.parametrize("surface", ["turf", "carpet"])
 def test_the_error_of_a_path_that_bounces_is_known_roughly_from_its_first_flight(surface):
     scene = scene_of(ground=replace(LEVEL, surface=surface))
-    error = launch_end.LaunchError(1e-3, 0.1, 1e-3)
-    expected = launch_end.expected_end_error(scene, launch_end.first_flight(scene, LAUNCH), error)
-    assert expected == pytest.approx(
-        launch_end.end_error(scene, launch_end.fly_scene(scene, LAUNCH), error), rel=0.3
-    )
+    for velocity in (LAUNCH.velocity, (1, 0, 8)):  # which rolls long, and which bounces long
+        launch, error = kd.BallState((0, 0, 1), velocity), launch_end.LaunchError(0.0, 0.1, 0.0)
+        flight = launch_end.first_flight(scene, launch)
+        right = launch_end.end_error(scene, launch_end.fly_scene(scene, launch), error)
+        expected = launch_end.expected_end_error(scene, flight, error)
+        assert expected == pytest.approx(right, rel=0.05)
     windy = scene_of(air=kd.Air(wind=(20, 0, 0)), ground=replace(LEVEL, surface="hard-floor"))
     assert (
         launch_end.expected_end_error(windy, launch_end.first_flight(windy, LAUNCH), error)

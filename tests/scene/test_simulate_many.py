@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from tolerances import sampled
+from tolerances import agrees, closed_form, sampled
 
 import kickdyn as kd
-from kickdyn.scene.launch_and_end import end_of, fly_scene, strike_scene
-from kickdyn.scene.simulate_many import _Draws
+from kickdyn.scene.launch_and_end import collide_scene, end_of, fly_scene, strike_scene
+from kickdyn.scene.scene import Compliance
+from kickdyn.scene.simulate_many import _Draws, _with_contact_time
 
 SPREAD = {
     "q": 0.01, "v": 0.1, "restitution": 0.02, "friction": 0.03, "normal": 0.02,
@@ -21,7 +22,7 @@ def drawn_scenes(scene, n, seed):
     return [
         scene.replace(
             posture=scene.leg.posture(given["q"][i]), v=given["v"][i], uncertainty=None,
-            contact=given["contact"][i],
+            contact=given["contact"][i % len(given["contact"])],
             incoming=kd.BallState(velocity=given["ball_velocity"][i], spin=given["ball_spin"][i]),
         )
         for i in range(n)
@@ -49,6 +50,35 @@ def test_each_draw_is_a_simulation(name, law):
         assert many.status[i] == path.status
         assert many.end[i] == pytest.approx(end_of(path).position, abs=1e-3)
         assert many.duration[i] == pytest.approx(path.duration, abs=1e-3)
+
+
+def test_each_draw_of_a_contact_that_takes_time_is_a_simulation():
+    law, tolerance = Compliance(contact_time=0.008), 0.05
+    scene = kd.load_scene("free_kick").replace(law=law, uncertainty={"restitution": 0.04})
+    many = kd.simulate_many(scene, 3, tolerance, seed=3)
+    for i, drawn in enumerate(drawn_scenes(scene, 3, 3)):
+        right = kd.simulate(drawn, tolerance)
+        change = np.linalg.norm(right.launch.velocity - strike_scene(drawn).ball_after.velocity)
+        assert change > 0.5
+        assert many.launch.velocity[i] == pytest.approx(right.launch.velocity, abs=0.01 * change)
+        assert many.end[i] == pytest.approx(right.end.position, abs=2 * tolerance)
+    assert 0.0 < many.model_error < tolerance
+
+
+def test_the_change_by_the_contact_time_is_quadratic_through_the_nodes():
+    """A quadratic function without mixed terms is exact at 0 and at both nodes of each axis."""
+    law = Compliance(contact_time=0.008)
+    scene = kd.load_scene("free_kick").replace(law=law, uncertainty={"v": 0.2})
+    draws, node, tol = _Draws.of(scene), np.sqrt(3), 1e-5
+    values = np.array([[0, 0, 0], [node, 0, 0], [0, node, 0], [0, 0, -node], [0.4, -0.9, 0.7]])
+    instant = draws.launches(values)[0][:, 3:]
+    launch, error = _with_contact_time(draws, values, draws.launches(values)[0], tol)
+    given = draws.arguments(values)
+    hits = [collide_scene(scene.replace(v=v), tol).ball_after for v in given["v"]]
+    right = np.array([[*hit.velocity, *hit.spin] for hit in hits])
+    agrees(launch[:4, 3:], right[:4], closed_form(10))
+    agrees(launch[4, 3:] - instant[4], right[4] - instant[4], 0.01)
+    assert 0.0 < error < 0.01 * np.linalg.norm(right[4, :3] - instant[4, :3])
 
 
 @pytest.mark.parametrize("name", SPREAD)

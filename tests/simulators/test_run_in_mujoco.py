@@ -137,6 +137,18 @@ def test_runs_are_counted_and_their_launches_compared(plan, run):
     assert noisy.misses.tolist() == [run.miss, run.miss, math.inf]
 
 
+def test_noisy_runs_are_those_of_the_seeds_with_one_contact(plan, run):
+    noise, lines = kd.KickNoise(mass=0.1), []
+    noisy = kd.run_with_noise(plan, 2, noise=noise, tuning=run.tuning, progress=lines.append)
+    assert len(lines) == len(noisy.runs) == 2
+    alone = kd.run_in_mujoco(plan, tuning=run.tuning, seed=1, noise=noise)
+    assert noisy.runs[1].ball_after.velocity.tolist() == alone.ball_after.velocity.tolist()
+    assert noisy.runs[0].speed_error != noisy.runs[1].speed_error
+    assert {one.tuning for one in noisy.runs} == {run.tuning}
+    assert noisy.upright == sum(result.upright for result in noisy.runs)
+    assert noisy.launch_errors[:, 0] == pytest.approx([one.speed_error for one in noisy.runs])
+
+
 def test_corrections_learn_how_the_ball_answers(plan, monkeypatch):
     """Of a ball that answers a correction twice as much, and aside; without planning any motion."""
     wished, offset = np.array([17.0, 0.0, 5.0]), np.array([0.4, 0.0, -0.6])

@@ -7,6 +7,7 @@ from extremes.extreme_impacts import chain
 from tolerances import closed_form
 
 import kickdyn as kd
+from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.dataset import VARIABLES, variables_of
 from kickdyn.sweeps.grid import Grid
@@ -35,6 +36,20 @@ def test_doubtful_postures_of_short_light_feet_are_kick_from(planar):
         right = np.array(list(variables_of(outcome, KICK).values()))
         close = {"rel": closed_form(1e3), "abs": closed_form(10), "nan_ok": True}
         assert rows[:, i] == pytest.approx(right, **close), i
+
+
+def test_blocks_of_a_grid_are_parts_of_the_whole(monkeypatch):
+    names = ("hip", "knee", "ankle")
+    grid = Grid({name: np.linspace(-0.4, 0.9, n) for name, n in zip(names, (5, 3, 3), strict=True)})
+    rows, status = solved(LEG, grid)
+    monkeypatch.setattr(chunk_solver, "BLOCK", 16)
+    solver = ChunkSolver(LEG, grid, KICK)
+    solver.prepare()
+    for first, count in ((0, 45), (7, 33)):
+        part, flags = solver(first, count)
+        right = rows[:, first : first + count]
+        assert part == pytest.approx(right, rel=1e-9, abs=closed_form(10), nan_ok=True)
+        assert flags.tolist() == status[first : first + count].tolist()
 
 
 def test_flown_carries_are_right_to_1e_8():

@@ -54,6 +54,18 @@ def test_the_wall_of_a_scene_stands_on_the_lower_of_both_ends(kick):
     assert x - box["width"] / 2 == pytest.approx(3.0)  # the plane
 
 
+def test_a_failed_write_leaves_the_earlier_page(tmp_path, page, monkeypatch):
+    def disk_full(self, text, **_):
+        self.write_bytes(text[:4].encode())
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "kick.html").write_text("earlier")
+    monkeypatch.setattr("pathlib.Path.write_text", disk_full)
+    with pytest.raises(kd.InvalidInput, match=r"kick\.html .*No space left"):
+        page.save(tmp_path / "kick.html")
+    assert [(f.name, f.read_bytes()) for f in tmp_path.iterdir()] == [("kick.html", b"earlier")]
+
+
 @pytest.mark.parametrize("name", ["missing/kick.html", "folder.html", "kick.docx", "file/a.html"])
 def test_a_file_that_cannot_be_written_is_refused(tmp_path, name, page):
     (tmp_path / "folder.html").mkdir()

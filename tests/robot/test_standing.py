@@ -25,7 +25,9 @@ def random_robot(rng):
     """A floating base with a random tree of joints on it, one branch to a foot, one to a toe."""
     model, place = pin.Model(), pin.SE3(random_rotation(rng), rng.uniform(-0.4, 0.4, size=3))
     model.addJoint(0, pin.JointModelFreeFlyer(), place, "base")
-    kinds = pin.JointModelRX, pin.JointModelPZ, pin.JointModelRUBY
+    kinds = pin.JointModelRX(), pin.JointModelPZ(), pin.JointModelRUBY()
+    nearly_x = np.array([1.0, 1e-4, 0.0]) / np.hypot(1.0, 1e-4)
+    kinds = (*kinds, pin.JointModelRevoluteUnaligned(nearly_x))
     ends, start = {}, 2
     for end in ("foot", "spur", "toe", "arm"):
         # legs hang on the base, a spur and an arm somewhere on the leg before
@@ -35,7 +37,7 @@ def random_robot(rng):
             axis = rng.normal(size=3)
             kind = pin.JointModelRevoluteUnaligned(axis / np.linalg.norm(axis))
             if rng.random() < 0.3:
-                kind = kinds[rng.integers(3)]()
+                kind = kinds[rng.integers(4)]
             offset = pin.SE3(random_rotation(rng), rng.uniform(-0.4, 0.4, size=3))
             parent = model.addJoint(parent, kind, offset, f"{end}{k}")
         ends[end] = parent

@@ -49,6 +49,7 @@ def test_every_row_is_followed(states, air, options, statuses):
             ("distance", one.distance, 1e-5),
         ):
             assert row[name].values == pytest.approx(right, abs=near), (name, i)
+        assert float(row.duration) == pytest.approx(one.duration, rel=1e-4), i  # of 1 ns, too
     assert seen == statuses
 
 

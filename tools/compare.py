@@ -360,8 +360,7 @@ def main() -> int:
     for (label, tolerance), *pair in zip(tolerances.items(), *answers, strict=True):
         compare(label, *pair, tolerance, report)
     print_report(report, None if options.all else 8)
-    counted = DIFFERS, LOST, FAILS, *[TEXTS] * options.texts
-    return int(any(report[kind] for kind in counted))
+    return int(any(report[kind] for kind in (DIFFERS, LOST, FAILS, *[TEXTS] * options.texts)))
 
 
 if __name__ == "__main__":

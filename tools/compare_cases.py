@@ -174,7 +174,7 @@ def learn(body: Any = None, **more: Any) -> Any:
     results = [learner.launch]
     for seen in (((28.0, 0.5), 1.4), ((31.0, 1.4), 1.55)):
         learner.observe(*seen)
-        results += [learner.estimates, learner.deviations, learner.landing_uncertainty, learner.command]
+        results += [learner.estimates, learner.deviations, learner.landing_scatter, learner.landing_uncertainty, learner.command]
     return results
 def elements(html: str) -> dict[str, Any]:
     """Return what a page sends to meshcat, its times, and its words."""
@@ -211,6 +211,7 @@ GROUPS = {
 body("@") for @ in human, testbed, human 3d, g1, talos, bolt, hopper, geared, four-bar, run-up, stiff, driven, foot
 kd.Leg.human(height=1.65, mass=58, sex="female"); leg("g1").locked({"*hip_yaw*": 0.1}); kd.foot_surfaces(leg("@")) for @ in human, human 3d, g1
 kd.kick_with(leg("g1"), "inside"); kd.kick_with(HUMAN, kd.FootSurface("mine", (0.1, 0, 0), (1, 0, 0.2))); leg("driven").without_rotors()
+kd.foot_surfaces(kd.Leg.from_robot("g1", "left_ankle_roll_link", legs_only=True)); kd.Leg.human(height=1.75, mass=70, model="3d", base="floating")
 HUMAN.posture([0, 1e-9, 0]); HUMAN.posture([0, 0, 0]).try_joint_velocity((0, 0, 1)); HUMAN.posture([2.9, -0.4, 1.4]).warnings""",
     "value": """
 kd.Ball(); kd.Ball.paper(); BALL; kd.Ball(math.inf, 0.1); kd.Ball(0.43, 0.11, pressure=3e3); LAUNCH; MANY; LINE; LINE.gap(BALL, (9, 1, 2))
@@ -280,14 +281,13 @@ kd.plan_trap(HUMAN, ROLLING, BALL, CALM); kd.plan_trap(HUMAN, ROLLING, BALL, CAL
     "track": """
 fit(); fit(air=kd.Air(drag=0.25), free=()); fit(air=kd.Air(drag=0.2, wind=(3, 1, 0))); fit().plot(); fit(flown(0.03)); fit(flown(0.004, 20))
 fit(match()); fit(match(), free=("drag",)); fit(match(), kd.Air(drag="brazuca"), free=("spin", "drag-scale")); kd.segments(match(2600, 3500))
+[kd.segments(kd.Track(x.times[k], x.positions[k])) for x in [match(2600, 3500)] for k in [np.r_[0:150, 180:369]]]
 bounced(0.003); bounced(0.02); bounced(0.003, ball=BALL, ground=kd.Ground(0.0), air=kd.Air(drag=0.22)); markers("@") for @ in instep, toe
 infer(); infer(velocity_deviation=0.2, spin_deviation=2, joint_deviation=0.1); infer(joint_deviation=0.1).plot()
 kd.fit_restitution([infer(x, velocity_deviation=0.1 + 0.01 * x) for x in range(6, 20, 2)], @) for @ in 1, 2
 kd.kick_table({"slow": infer(6.0), "fast": infer(20.0, velocity_deviation=0.1)}).to_numpy()""",
-    "learner": """
-learn(); learn(HUMAN); learn(prior={"wind_x": 0.5, "drag_scale": 0.1}, scatter=0.03, time_deviation=0.05)""",
-    "paper": """
-run("paper --only @ --json out.json") for @ in fig1, table2, fig8, fig9, fig10, fig15, table4""",
+    "learner": """learn(); learn(HUMAN); learn(prior={"wind_x": 0.5, "drag_scale": 0.1}, scatter=0.03, time_deviation=0.05)""",
+    "paper": """run("paper --only @ --json out.json") for @ in fig1, table2, fig8, fig9, fig10, fig15, table4""",
     "view": """
 page(hit(), kd.fly(hit().ball_after, BALL, AIR, kd.Ground(-2)), caption="a <kick>"); page(hit(), kd.follow(hit().ball_after, BALL, AIR, TURF))
 page({"soft": hit(), "<hard>": hit_by("testbed")}); page({"calm": fly(CALM)[0], "wind": fly()[0]}, caption="two"); page(POSTURE); page(hit_by("@")) for @ in g1, human 3d, hopper
@@ -296,8 +296,8 @@ page(leg("@")) for @ in g1, geared""",
     "command": """
 run("@ --help") for @ in plan, posture-sweep, identify
 run("plan --distance @ --json out.json --view out.html") for @ in 30 --time 1.5, 20 --height 0.9 --over 9.15:2.6 --goal --wall 9.15:1.9
-run("plan --distance @ --json out.json") for @ in 16 --time 1.2 --receiver-velocity 2,0,0, 12 --time 1.5 --pass turf --ball 0.41:0.105:80000, 300 --time 1.2
-run("plan --leg g1 --frame toe --distance 4 --left 1 --time 0.8 --stiff right_ankle_roll_joint --json out.json")
+run("plan --distance @ --json out.json") for @ in 16 --time 1.2 --receiver-velocity 2,0,0, 20 --wall 9.15:1.9, 12 --time 1.5 --pass turf --ball 0.41:0.105:80000, 300 --time 1.2
+run("plan --leg g1 --frame toe --distance 4 --left 1 --time 0.8 --json out.json")
 run("plan --distance 18 --time 1.2 --ball-position 2,0,-0.7042 --ball-velocity -2.5,0,0 --ball-spin 0,-22.8,0 --json out.json")
 run("plan --distance 40 --apex 6 --no-limits --objective kinetic-energy --restitution 5:0.8,20:0.65 --wind 1,0,0 --drag brazuca --json out.json")
 run("posture-sweep --joint hip=-10:60:10 --joint knee=0:90:15 --joint ankle=-5:15:10 --speed 2 --view out.html --json out.json")

@@ -245,9 +245,10 @@ def compare(label: str, old: Answer, new: Answer, tolerance: float, report: Any)
             pair, place = (old.fields.get(path), new.fields.get(path)), f"{label}: {path}"
             if pair[0] is None or pair[1] is None:
                 kind = LOST if pair[1] is None else NEW
-                is_text = any(isinstance(value, Text) for value in pair)
-                name = re.sub(r"\[\d+\]", "", path).rpartition(".")[2]
-                report[TEXTS if is_text else kind][f"{name or 'result'} {kind}"].append(place)
+                name = re.sub(r"\[\d+\]", "", path).rpartition(".")[2] or "result"
+                if any(isinstance(value, Text) for value in pair):
+                    kind, name = TEXTS, f"{name} {kind}"
+                report[kind][name].append(place)
             elif all(isinstance(value, Text) for value in pair):
                 if pair[0] != pair[1] and (line := text_difference(*pair)):
                     report[TEXTS][line].append(place)

@@ -335,8 +335,10 @@ def main() -> int:
     if not (0.0 <= options.tolerance < 1.0 and (options.revision or options.list)):
         refuse("a revision, such as HEAD~3, and a tolerance of 0 to 1 are needed")
     sys.path.insert(0, str(ROOT))
-    from compare_cases import CASES, TOLERANCES
-
+    try:
+        from compare_cases import CASES, TOLERANCES
+    except Exception as error:
+        sys.exit(f"compare: the working tree cannot compute cases: {error!r}")
     words = [*([options.revision or ""] if options.list else ()), *options.words]
     tolerances = {
         label: max(options.tolerance, TOLERANCES.get(label.partition(":")[0], 0.0))

@@ -62,14 +62,12 @@ BENT = {"hip": 0.7, "knee": 0.5, "hip_rotation": 0.2, "right_hip_pitch_joint": -
         "FL_HFE": -0.4, "thigh_joint": -0.3, "leg_joint": -0.5}
 GEARED = re.sub(r'(?s)(<joint name="ankle".*?)(</joint>)', r'\1<mimic joint="knee" multiplier="-0.6" offset="0.2"/>\2',
                 (ROOT / "urdf" / "leg_human.urdf").read_text())
-
 def file(name: str, text: str) -> str:
     Path(name).write_text(text)
     return name
 def on_feet(frame: str, **friction: float) -> Any:
     robot, sole = kd.Leg.from_robot("g1", frame, base="floating", drives=False), [(x, y, -0.035) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
     return robot.with_supports(*(kd.Support(f"{side}_ankle_roll_link", friction=mu, sole=sole) for side, mu in friction.items()))
-
 @cache
 def leg(name: str) -> Any:
     drives = {"hip": kd.Drive(1e-4, 80, 100, 12, 0.5, 800.0), "k*": kd.Drive(2e-4, 50, 90, 20, 0.2, 500.0)}

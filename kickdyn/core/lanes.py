@@ -45,12 +45,12 @@ def choose(mask: Any, a: Any, b: Any) -> Any:
 
 
 def larger(a: Any, b: Any) -> Any:
-    """Return the larger number of each pair, of equal ones and if one is nan that of `a`."""
+    """Return the larger number of each pair; `a` if they are equal or one is nan."""
     return np.where(np.greater(b, a), b, a)
 
 
 def smaller(a: Any, b: Any) -> Any:
-    """Return the smaller number of each pair, of equal ones and if one is nan that of `a`."""
+    """Return the smaller number of each pair; `a` if they are equal or one is nan."""
     return np.where(np.less(b, a), b, a)
 
 

@@ -91,7 +91,7 @@ STICK, SLIDE, PARTING, ANEW = 0.0, 1.0, 2.0, 3.0
 computed anew."""
 
 LEAST_APPROACH, FASTEST = 1e-12, 1e100
-"""Least and largest speed of approach [m/s] that is told from rounding and from overflow; other
+"""Least and largest speed of approach [m/s] beyond rounding and below overflow; other
 strikes are to be computed anew."""
 
 LEAST_SHARE = 1e-6

@@ -78,7 +78,7 @@ ROWS = (
     ),
     Row(
         "collide_many in machine code",
-        script(f"{KICK}kd.collide_many(leg, [posture.q], [v], kd.Ball(), contact)"),
+        script(f"{COMPILE}{KICK}kd.collide_many(leg, [posture.q], [v], kd.Ball(), contact)"),
         8, 2,
     ),
 )  # fmt: skip

@@ -56,11 +56,6 @@ RESULT = 5
 doubtful, else 0; contact time [s], largest deflection [m], energy that is not accounted for [J] and
 evaluations."""
 
-PROBED = 20
-"""Rows of a probe before the diagonal of the inertia: axes, arm and centre as they are given to
-`_collide`, speed of approach, inverse mass of the foot along the normal [1/kg], sliding (2), 1
-where it is doubtful."""
-
 MOST_CALLS = 20_000
 """Evaluations of one contact after which it is left to `collide`."""
 
@@ -127,9 +122,12 @@ def place(tree, lanes, column, bodies):
 
 
 @jitable
-def evaluate(tree, task, torque, lane, column, rate, floats, memory):
-    """Fill in the rate of a column, and the rows of the lanes that are computed."""
-    lanes, turned, bodies, motion, inertia, state = memory
+def contact_terms(tree, task, torque, lanes, column, memory):
+    """Fill in what the forces follow from: rows `HEIGHT` to `PUSHED`, Jacobian and Delassus matrix.
+
+    The inertia is factorized, and the torques `free` are whitened.
+    """
+    turned, bodies, motion, inertia, state = memory
     n = len(tree)
     nv = n - 1
     place(tree, lanes, column, bodies)
@@ -158,8 +156,7 @@ def evaluate(tree, task, torque, lane, column, rate, floats, memory):
     arm = lanes[ARM], lanes[ARM + 1], lanes[ARM + 2]
     reach = rise[0] - arm[0], rise[1] - arm[1], rise[2] - arm[2]
     ball = _along(turned, AXES, (column[first + 3], column[first + 4], column[first + 5]))
-    spin_world = column[first + 6], column[first + 7], column[first + 8]
-    ball_spin = _along(turned, AXES, spin_world)
+    ball_spin = _along(turned, AXES, (column[first + 6], column[first + 7], column[first + 8]))
     turn = foot.turn[0], foot.turn[1], foot.turn[2]
     speed = foot.velocity[0], foot.velocity[1], foot.velocity[2]
     spin, velocity = _along(turned, AXES, turn), _along(turned, AXES, speed)
@@ -190,6 +187,16 @@ def evaluate(tree, task, torque, lane, column, rate, floats, memory):
         row, free = bodies[k].jacobian, inertia[k, k] * motion[k].free
         e1, e2 = e1 + row[0] * free, e2 + row[1] * free
     lanes[PUSHED], lanes[PUSHED + 1] = e1, e2
+
+
+@jitable
+def evaluate(tree, task, torque, lane, column, rate, floats, memory):
+    """Fill in the rate of a column, and the rows of the lanes that are computed."""
+    lanes, turned, bodies, motion, inertia, state = memory
+    n = len(tree)
+    nv = n - 1
+    first = 2 * nv
+    contact_terms(tree, task, torque, lanes, column, (turned, bodies, motion, inertia, state))
     for i in range(BATCH):
         _push(lane, floats, i)
     f1, f2, f3 = lanes[FORCE], lanes[FORCE + 1], lanes[FORCE + 2]
@@ -204,14 +211,15 @@ def evaluate(tree, task, torque, lane, column, rate, floats, memory):
         rate[k - 1], rate[nv + k - 1] = column[nv + k - 1], acceleration
         power += column[nv + k - 1] * torque[k - 1]
     force = _of_axes(turned, AXES, (f1, f2, f3))
-    turned_by = _of_axes(turned, AXES, (reach[2] * f2, -(reach[2] * f1), spread(0.0)))
+    height = lanes[HEIGHT]
+    turned_by = _of_axes(turned, AXES, (height * f2, -(height * f1), spread(0.0)))
     gravity = motion[0].acceleration
     particle = lanes[INVERSE_INERTIA] == 0.0
     for r in range(3):
         rate[first + r] = column[first + 3 + r]
         rate[first + 3 + r] = force[r] * lanes[INVERSE_MASS] - gravity[r]
         rate[first + 6 + r] = turned_by[r] * lanes[INVERSE_INERTIA]
-        power -= choose(particle, turned_by[r] * spin_world[r], 0.0)
+        power -= choose(particle, turned_by[r] * column[first + 6 + r], 0.0)
     rate[first + 9], rate[first + 10] = lanes[LOST], power
 
 

@@ -8,15 +8,13 @@ anew, by a secant, until it ends just after that.
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 
 import math
-from collections.abc import Callable
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kickdyn.core import dop853, lanes, simd
-from kickdyn.core.compilation import OPTIONS, MachineCode, Source, named
+from kickdyn.core.compilation import OPTIONS, Source, named
 from kickdyn.core.dop853 import COUNT, STAGES, WEIGHT, WHICH_RATE
 from kickdyn.core.lanes import BATCH, LARGEST_ANGLE, batches, inlined, jitable, spread
 from kickdyn.core.validation import Array
@@ -29,12 +27,9 @@ from kickdyn.impact import (
 )
 from kickdyn.impact.collide_equations import (
     ALONG,
-    ARM,
-    AXES,
     BEFORE,
     BEGIN,
     CALLS,
-    CENTRE,
     DEFLECTION,
     ENDS,
     ENERGY,
@@ -50,7 +45,6 @@ from kickdyn.impact.collide_equations import (
     LOW_VALUE,
     MOST_CALLS,
     MOST_FRICTION,
-    PROBED,
     RADIUS,
     REJECTED,
     REST,
@@ -70,14 +64,12 @@ from kickdyn.impact.collide_equations import (
     WHOLE,
     energy_of,
     evaluate,
-    from_first_joint,
-    place,
 )
 from kickdyn.impact.compliant_contact import STARTING
 from kickdyn.impact.integrate_contact import BEYOND_SEPARATION, MAX_CONTACT_TIMES
 from kickdyn.impact.strike_kernel import TASK
 from kickdyn.robot import tree_kernel
-from kickdyn.robot.tree_kernel import BODY, D33, JOINT, MOTION, STATE
+from kickdyn.robot.tree_kernel import BODY, JOINT, MOTION, STATE
 
 _slides = inlined(contact_motion.slides)
 
@@ -103,57 +95,6 @@ class Work(NamedTuple):
     motion: NDArray[Any]
     inertia: Array
     state: NDArray[Any]
-
-
-def _probe(tree, task, torque, given, answer, work, rtol):
-    """Fill in where contacts begin: what `PROBED` says, and the diagonal of the inertia.
-
-    `given` has the axes of the contacts in the world frame in place of those in the joint's, and
-    from the joint's origin to the contact point in the joint's frame in place of the arm.
-    """
-    lane, columns, rates, sums, _, bodies, motion, inertia, state = work
-    task, floats, n, count = task[0], state[0], len(tree), given.shape[1]
-    memory = (
-        batches(lane), batches(sums), batches(bodies), batches(motion), batches(inertia),
-        batches(state)[0],
-    )  # fmt: skip
-    lanes, bodies, column, rate = memory[0], memory[2], batches(columns[0]), batches(rates[0])
-    for c in range(0, count, BATCH):
-        for i in range(BATCH):
-            row = min(c + i, count - 1)
-            for r in range(lane.shape[0]):
-                lane[r, i] = given[r, row]
-            for r in range(columns.shape[1]):
-                columns[0, r, i] = given[lane.shape[0] + r, row]
-            floats.doubt[i] = 0.0
-        place(tree, lanes, column, bodies)
-        rotation, lever = bodies[task.foot].rotation, (lanes[ARM], lanes[ARM + 1], lanes[ARM + 2])
-        origin = from_first_joint(tree, bodies, task.foot)
-        radius = lanes[RADIUS]
-        for r in range(3):
-            across = (
-                rotation[r, 0] * lever[0] + rotation[r, 1] * lever[1] + rotation[r, 2] * lever[2]
-            )
-            lanes[CENTRE + r] = origin[r] + across + radius * lanes[AXES + 6 + r]
-        for r in range(3):
-            x, y, z = lanes[AXES + 3 * r], lanes[AXES + 3 * r + 1], lanes[AXES + 3 * r + 2]
-            a, b, d = (
-                rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * z,
-                rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z,
-                rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z,
-            )
-            lanes[AXES + 3 * r], lanes[AXES + 3 * r + 1], lanes[AXES + 3 * r + 2] = a, b, d
-            lanes[ARM + r] = a * lever[0] + b * lever[1] + d * lever[2]
-        evaluate(tree, task, torque, lane, column, rate, floats, memory)
-        for i in range(min(BATCH, count - c)):
-            for r in range(15):
-                answer[r, c + i] = lane[r, i]
-            answer[15, c + i] = -lane[SLIDING + 2, i]
-            answer[16, c + i] = floats.delassus[D33, i]
-            answer[17, c + i], answer[18, c + i] = lane[SLIDING, i], lane[SLIDING + 1, i]
-            answer[19, c + i] = floats.doubt[i]
-            for k in range(1, n):
-                answer[PROBED + k - 1, c + i] = inertia[0, k, i]
 
 
 @jitable
@@ -329,14 +270,12 @@ def _collide(tree, task, torque, given, answer, work, rtol):
                 waiting, busy = waiting + 1, busy + 1
         if busy == 0:
             break
-        evaluate(tree, task, torque, lane, column, rate[0], floats, memory)
-        for i in range(BATCH):
-            if lane[CALLS, i] == 0.0:
-                lane[BEFORE, i] = energy_of(tree, lane, columns[0], motion, inertia, bodies, i)
-            _limit_step(lane, i)
-        for k in range(1, STAGES + 3):
-            t = 0 if k <= STAGES else k - STAGES
+        for k in range(STAGES + 3):
+            t = max(k - STAGES, 0)
             for m in range(dim):
+                if k == 0:
+                    new[m] = column[m]
+                    continue
                 weighted = WEIGHT[k, 0] * rate[WHICH_RATE[k, 0], m]
                 for j in range(1, COUNT[k]):
                     weighted += WEIGHT[k, j] * rate[WHICH_RATE[k, j], m]
@@ -344,8 +283,13 @@ def _collide(tree, task, torque, given, answer, work, rtol):
                     new[m] = column[m] + lanes[STEP] * weighted
                 else:
                     total[(t - 1) * dim + m] = weighted
-            if k <= STAGES:
-                evaluate(tree, task, torque, lane, new, rate[k], floats, memory)
+            if k > STAGES:
+                continue
+            evaluate(tree, task, torque, lane, new, rate[k], floats, memory)
+            for i in range(BATCH if k == 0 else 0):
+                if lane[CALLS, i] == 0.0:
+                    lane[BEFORE, i] = energy_of(tree, lane, columns[1], motion, inertia, bodies, i)
+                _limit_step(lane, i)
         five, three = spread(0.0), spread(0.0)
         for m in range(dim):
             per = 1.0 / (rtol * scales[m] + rtol * max(math.fabs(column[m]), math.fabs(new[m])))
@@ -402,11 +346,11 @@ def _collide(tree, task, torque, given, answer, work, rtol):
 
 _CALLED = (lanes, simd, dop853, tree_kernel, collide_equations, contact_motion, force_model,
            compliant_contact, integrate_contact)  # fmt: skip
-for _function in (_probe, _collide):
-    named(_function, _function.__name__, *_CALLED)
+named(_collide, "collide", *_CALLED)
 
 
-def _source(function: Callable[..., None]) -> Source:
+def source() -> Source:
+    """Return what the machine code of `_collide` is made of."""
     import numba  # here, because it takes long to import
 
     typeof: Any = numba.typeof
@@ -417,10 +361,4 @@ def _source(function: Callable[..., None]) -> Source:
     kinds = matrix, cube, cube, matrix, numba.int64[::1], bodies, motion, cube, state
     work = numba.types.NamedTuple(kinds, Work)
     signature = numba.void(tree, task, vector, matrix, matrix, work, numba.float64)
-    return Source(function, signature, OPTIONS)
-
-
-PROBE, COLLIDE = (
-    MachineCode(partial(_source, function), "the kernel of contacts that take time", 6.0)
-    for function in (_probe, _collide)
-)
+    return Source(_collide, signature, OPTIONS)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
+from kickdyn.core.compilation import MachineCode, Source
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import AT_REST
@@ -31,6 +32,7 @@ from kickdyn.impact.force_model import (
     spring_time,
 )
 from kickdyn.impact.integrate_contact import FIRST_STEP
+from kickdyn.impact.strike_kernel import FASTEST
 from kickdyn.impact.strike_many import StrikeStatus, failed_rows, put_rows
 from kickdyn.restitution import restitution_at
 from kickdyn.robot.leg import Leg
@@ -100,8 +102,9 @@ def collide_many(
 
     Fixed-base legs of hinges and slides with rigid drives are computed in machine code, with the
     spring of a contact time, a stiffness or `"pressure"`; other legs, the force of an inflated
-    ball, and rows that lose digits there, by `collide` one after the other. The first call in a
-    process loads the machine code, the very first compiles it for half a minute.
+    ball, and rows that lose digits there, by `collide` one after the other, as are some ten rows,
+    for which machine code is not worth loading, or some hundred, for which it is not worth
+    compiling. Both ways keep the tolerance, with errors of their own.
 
     Args:
         leg: the leg.
@@ -157,7 +160,9 @@ def collide_many(
     shapes = *[(3,)] * 4, (leg.nq,), (leg.nv,), *[()] * 5
     collisions, left = failed_rows(Collisions, n, *shapes), np.ones(n, bool)
     options: dict[str, Any] = {"contact_time": contact_time, "stiffness": stiffness}
-    kernel = None if inflated else _Kernel.of(leg, torques)
+    kernel = None
+    if not inflated and COLLIDE.pays(n * SECONDS_OF_COLLIDE):
+        kernel = _Kernel.of(leg, torques)
     if kernel is not None:
         for first in range(0, n, CHUNK):
             rows = slice(first, min(first + CHUNK, n))
@@ -187,18 +192,48 @@ def collide_many(
     return collisions
 
 
+SECONDS_OF_COLLIDE = 0.025
+"""Processor time of one `collide`, roughly [s]."""
+
+
+def _source() -> Source:
+    from kickdyn.impact import collide_kernel  # imports numba
+
+    return collide_kernel.source()
+
+
+COLLIDE = MachineCode(_source, "the kernel of contacts that take time", 9.0)
+
+
+class _Beginning(NamedTuple):
+    """Where contacts begin.
+
+    Attributes:
+        speed: of approach [m/s].
+        inverse_mass: of the foot along the normal [1/kg].
+        sliding: of the contact points along both tangents, shape `(2, n)` [m/s].
+        inertia: diagonal of the joint-space inertia, shape `(nv, n)` [kg m2; kg].
+        sound: whether these have their digits.
+    """
+
+    speed: Array
+    inverse_mass: Array
+    sliding: Array
+    inertia: Array
+    sound: NDArray[np.bool_]
+
+
 class _Kernel:
     """The machine code of contacts for one leg and its constant torques."""
 
     def __init__(self, leg: Leg, joints: Any, torque: Array) -> None:
         from kickdyn.core.lanes import BATCH, aligned_zeros
         from kickdyn.impact.collide_equations import START
-        from kickdyn.impact.collide_kernel import COLLIDE, PROBE, Work
+        from kickdyn.impact.collide_kernel import Work
         from kickdyn.impact.strike_kernel import TASK
         from kickdyn.robot.tree_kernel import BODY, MOTION, STATE, joint_tree
 
         self._leg, nv = leg, leg.nv
-        self._probe, self._collide = PROBE(), COLLIDE()
         self._tree, frames, senses = joint_tree(leg, joints, np.eye(3))
         self._senses, self._foot_axes = senses[1:], frames[leg.contact_joint]
         self._torque = np.ascontiguousarray(self._senses * torque)
@@ -230,29 +265,21 @@ class _Kernel:
         bodies: tuple[list[Ball], list[Contact]], options: dict[str, Any], tol: float,
     ) -> NDArray[np.bool_]:  # fmt: skip
         """Write rows of results; return which of them are left to `collide`."""
-        from kickdyn.impact.collide_equations import (
-            AXES,
-            CENTRE,
-            INVERSE_MASS,
-            PROBED,
-            RESULT,
-        )  # fmt: skip
+        from kickdyn.impact.collide_equations import CENTRE, INVERSE_MASS, RESULT
 
         (q, v, velocity, spin), (balls, contacts), nv = motion, bodies, self._leg.nv
         n = len(q)
         given = self._given(q, v, velocity, spin, balls, contacts)
-        begin = np.empty((PROBED + nv, n))
-        self._probe(*self._given_leg, given, begin, self._work, tol)
-        speed, mass = begin[15], 1.0 / (begin[16] + given[INVERSE_MASS])
-        left = (begin[19] != 0.0) | ~(speed > LEAST_SPEED)
-        given[AXES : CENTRE + 3] = begin[: CENTRE + 3]
-        ready = ~left
+        begin = self._begin(given)
+        speed, mass = begin.speed, 1.0 / (begin.inverse_mass + given[INVERSE_MASS])
+        parting = begin.sound & (speed < -LEAST_SPEED) & (speed > -FASTEST)
+        ready = begin.sound & (speed > LEAST_SPEED)
         with np.errstate(all="ignore"):
             self._choose(given, begin, speed, mass, (balls, contacts), options, tol, ready)
         chosen = np.flatnonzero(ready)
         answer = np.empty((RESULT + self._dim, len(chosen)))
         table = given if len(chosen) == n else np.ascontiguousarray(given[:, chosen])
-        self._collide(*self._given_leg, table, answer, self._work, tol)
+        COLLIDE()(*self._given_leg, table, answer, self._work, tol)
         exact = (answer[0] != 2.0) & np.isfinite(answer).all(axis=0)
         chosen, answer = chosen[exact], answer[:, exact]
         column, place = answer[RESULT:], np.arange(rows.start, rows.stop)[chosen]
@@ -268,15 +295,61 @@ class _Kernel:
             answer[1], answer[2], speed[chosen], ball[9], np.abs(answer[3]) / energy,
             np.where(answer[0] == 1.0, StrikeStatus.STICKS.flag, StrikeStatus.SLIPS.flag),
         )  # fmt: skip
-        remaining = np.ones(n, bool)
+        collisions.status[rows][parting] = StrikeStatus.NO_IMPACT.flag
+        remaining: NDArray[np.bool_] = ~parting
         remaining[chosen] = False
         return remaining
+
+    def _begin(self, given: Array) -> _Beginning:
+        """Return where contacts begin, and put axes, arm and centre in as a lane has them.
+
+        The machine code's functions compute it on arrays of all rows. Before, the axes are in the
+        world frame, and the arm is from the joint's origin to the contact point in its frame.
+        """
+        from kickdyn.core.lanes import LARGEST_ANGLE, blank_records, namespaces
+        from kickdyn.impact.collide_equations import (
+            ARM,
+            AXES,
+            CENTRE,
+            RADIUS,
+            SLIDING,
+            START,
+            contact_terms,
+            from_first_joint,
+            place,
+        )
+        from kickdyn.robot.tree_kernel import BODY, D33, MOTION, STATE
+
+        tree, task, torque = self._given_leg
+        joints, (foot,), count = namespaces(tree), namespaces(task), len(tree)
+        lanes, column = given[: self._lane_rows], given[self._lane_rows :]
+        n = given.shape[1]
+        bodies, motion = blank_records(BODY, count, n), blank_records(MOTION, count, n)
+        (state,) = blank_records(STATE, 1, n)
+        motion[0].acceleration[:] = -np.array(self._leg.model.gravity.linear)[:, None]
+        inertia = np.zeros((count, count, n))
+        with np.errstate(all="ignore"):  # of rows that have lost their digits
+            place(joints, lanes, column, bodies)
+            rotation, axes = bodies[foot.foot].rotation, lanes[AXES:ARM].reshape(3, 3, n)
+            lever = lanes[ARM:CENTRE]
+            lanes[CENTRE : CENTRE + 3] = np.array(from_first_joint(joints, bodies, foot.foot))
+            lanes[CENTRE : CENTRE + 3] += np.einsum("ijn,jn->in", rotation, lever)
+            lanes[CENTRE : CENTRE + 3] += lanes[RADIUS] * axes[2]
+            axes[:] = np.einsum("jin,ajn->ain", rotation, axes)
+            lanes[ARM:CENTRE] = np.einsum("ain,in->an", axes, lever)
+            memory = np.zeros((9, n)), bodies, motion, inertia, state
+            contact_terms(joints, foot, torque, lanes, column, memory)
+        angles = np.abs(lanes[START : START + count - 1]).max(axis=0)
+        return _Beginning(
+            -lanes[SLIDING + 2], state.delassus[D33].copy(), lanes[SLIDING : SLIDING + 2].copy(),
+            inertia[0, 1:], (state.doubt == 0.0) & (angles < LARGEST_ANGLE),
+        )  # fmt: skip
 
     def _given(
         self, q: Array, v: Array, velocity: Array, spin: Array, balls: list[Ball],
         contacts: list[Contact],
     ) -> Array:  # fmt: skip
-        """Return what is known before the first contact is computed, as `_probe` takes it."""
+        """Return what is known before the first contact is computed, as `_begin` takes it."""
         from kickdyn.impact.collide_equations import (
             ARM,
             AXES,
@@ -308,7 +381,7 @@ class _Kernel:
         return given
 
     def _choose(
-        self, given: Array, begin: Array, speed: Array, mass: Array,
+        self, given: Array, begin: _Beginning, speed: Array, mass: Array,
         bodies: tuple[list[Ball], list[Contact]], options: dict[str, Any], tol: float,
         ready: NDArray[np.bool_],
     ) -> None:  # fmt: skip
@@ -343,9 +416,9 @@ class _Kernel:
         first = self._lane_rows + 2 * nv + 6
         spin = np.abs(given[first : first + 3]).max(axis=0)
         given[rows.SPIN] = np.where(spin > 0.0, spin, speed / given[rows.RADIUS])
-        sliding = np.hypot(begin[17], begin[18])
+        sliding = np.hypot(*begin.sliding)
         slips = sliding > 2.0 * resting
         given[rows.KIND] = np.where(slips, Friction.SLIPS.value, Friction.STARTS.value)
-        given[rows.ALONG : rows.ALONG + 2] = np.where(slips, begin[17:19] / sliding, 0.0)
+        given[rows.ALONG : rows.ALONG + 2] = np.where(slips, begin.sliding / sliding, 0.0)
         first = rows.START + nv
-        given[first : first + nv] = np.sqrt(2.0 * energy / begin[rows.PROBED :])
+        given[first : first + nv] = np.sqrt(2.0 * energy / begin.inertia)

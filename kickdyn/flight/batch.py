@@ -109,12 +109,7 @@ def fly_many(
         >>> flights.range.values.round(2).tolist()
         [32.14, 32.33]
     """
-    if states.position.ndim != 2:
-        raise InvalidInput(
-            f"launches have shape {states.position.shape}: fly_many takes (n, 3), fly takes one"
-        )
-    tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
-    time_limit = validation.number("time limit", time_limit, above=0, unit="s")
+    tol, time_limit = checked_launches(states, "fly", tol, time_limit)
     events = ground_event(ball, ground), *plane_events(ball, plane), *checked_ends(ends)
     launched = tuple(event.launched(states) for event in events)
     each = 1 + 3 * validation.flag("error", error) + 40 * validation.flag("slopes", slopes)
@@ -150,6 +145,19 @@ def fly_many(
     return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
 
 
+def checked_launches(
+    states: BallState, single: str, tol: float, time_limit: float
+) -> tuple[float, float]:
+    """Return tolerance and limit of time [s] of many flights; the function `single` takes one."""
+    if states.position.ndim != 2:
+        raise InvalidInput(
+            f"launches have shape {states.position.shape}: {single}_many takes (n, 3), {single} "
+            "takes one"
+        )
+    tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
+    return tol, validation.number("time limit", time_limit, above=0, unit="s")
+
+
 DIFFERENCE = 1e-3
 """Step of the differences, relative to speed and spin of the launch."""
 
@@ -157,12 +165,34 @@ DIFFERENCES_TOL = 1e-11
 """Tolerance of flights whose differences are taken: their errors count a thousand times."""
 
 
+def landings(
+    states: BallState,
+    ball: Ball,
+    air: Air | None,
+    events: Sequence[Event],
+    tol: float,
+    time_limit: float,
+    *,
+    machine_code: bool,
+) -> tuple[BallState, NDArray[np.int8]]:
+    """Return the balls at the ends of their flights, nan if failed, and the statuses, shape `(n,)`.
+
+    The times are since the launches. The ground is the first of the events; `machine_code` is
+    whether the balls fly in it, or one after the other.
+    """
+    launched = tuple(event.launched(states) for event in events)
+    flown = _flown(_Task(states, ball, air, launched, time_limit, machine_code), tol)
+    nodes = flown.nodes
+    vectors = states.position + nodes[:, 1:4], nodes[:, 4:7], nodes[:, 7:8] * states.spin
+    return BallState.computed(*vectors, nodes[:, 0]), flown.status
+
+
 def carries(
     states: BallState, ball: Ball, air: Air | None, tol: float, *, machine_code: bool
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return the distances back to the heights of the launches [m], and which balls land there.
 
-    Both have shape `(n,)`; `machine_code` is whether they fly in it, or one after the other.
+    Both have shape `(n,)`; `machine_code` is as of `landings`.
     """
     ends = (ground_event(ball, None).launched(states),)
     flown = _flown(_Task(states, ball, air, ends, TIME_LIMIT, machine_code), tol)

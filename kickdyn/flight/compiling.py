@@ -29,7 +29,7 @@ from kickdyn.core.compilation import WITHIN, cache_folder, from_cache, log, unco
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import NUMBERS, EventFunction
 from kickdyn.flight.forces import Acceleration, Reynolds, acceleration_function, reynolds_number
-from kickdyn.flight.ground_motion import rolling_share
+from kickdyn.flight.ground_motion import rolling_acceleration, rolling_share
 
 LANES = 24
 """How many flights are computed side by side."""
@@ -151,20 +151,20 @@ def _callees(air: Air) -> Callees:
 
 
 @lru_cache(maxsize=16)
-def compiled_rolling(ball: Ball, air: Air, resistance: float) -> Any:
-    """Return the rates of many balls that roll, as machine code, see `ground_motion.roll`.
+def compiled_rolling(ball: Ball, air: Air, resistance: float, straight: bool) -> Any:
+    """Return the rates of many balls that roll, `rolling_acceleration`, as machine code.
 
     The resistance of the surface is a deceleration [m/s2].
     """
     acting, share = acceleration_function(ball, air), rolling_share(ball)
+    acceleration = rolling_acceleration(acting, share, resistance, straight)
 
     def rates(scene: Any, state: Any, rate: Any) -> None:
         for i in range(LANES):
             u, v = state[U + i], state[V + i]
-            ax, ay, _, _ = acting(scene[HEIGHT + i], u, v, 0.0, 0.0, 0.0, 0.0)
-            braking = resistance / math.hypot(u, v)
+            ax, ay = acceleration(scene[HEIGHT + i], u, v)
             rate[X + i], rate[Y + i], rate[Z + i] = u, v, 0.0
-            rate[U + i], rate[V + i] = share * ax - braking * u, share * ay - braking * v
+            rate[U + i], rate[V + i] = ax, ay
             rate[W + i], rate[LEFT + i] = 0.0, 0.0
 
     return _from_disk(rates, _callees(air), "the equations of motion of a ball that rolls")

@@ -14,8 +14,15 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.batch import MARCH, fly_many
-from kickdyn.flight.events import Event, checked_ends, plane_events
+from kickdyn.flight.batch import MARCH, checked_launches, landings, seconds_of_fly
+from kickdyn.flight.events import (
+    NUMBERS,
+    Event,
+    checked_ends,
+    distance_to_plane,
+    ground_event,
+    plane_events,
+)
 from kickdyn.flight.flight_result import ALOFT, FAILED, FURTHER, LANDED, FlightStatus
 from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
 from kickdyn.flight.ground_motion import (
@@ -27,6 +34,7 @@ from kickdyn.flight.ground_motion import (
     sliding_of,
     surface_of,
     time_to_rest,
+    turned,
 )
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
@@ -79,11 +87,7 @@ def follow_many(
         >>> paths.distance.values.round(1).tolist(), paths.bounces.values.tolist()
         ([76.2, 44.2], [8, 6])
     """
-    if states.position.ndim != 2:
-        raise InvalidInput(
-            f"launches have shape {states.position.shape}: follow_many takes (n, 3), follow takes "
-            "one"
-        )
+    tol, time_limit = checked_launches(states, "follow", tol, time_limit)
     height = states.position[:, 2]
     if ground is None:
         if len(height) and np.ptp(height) > 0.0:
@@ -95,10 +99,15 @@ def follow_many(
     names: list[str] = [FlightStatus.AT_REST, FlightStatus.ALOFT, FlightStatus.FAILED]
     names += [FlightStatus.BOUNCING, FlightStatus.BLOWN, *(event.name for event in events)]
     balls = _Balls(states, ball, air, surface, events)
-    balls.bounce_all(ground, tol, plane, time_limit, tuple(ends))
+    balls.bounce_all(ground, tol, time_limit)
     balls.slide_all()
     balls.roll_all(tol, time_limit)
     return balls.dataset(names)
+
+
+def turned_rows(vectors: Array, cosine: Array, sine: Array) -> Array:
+    """Return n vectors, shape `(n, 2)`, each turned by its angle."""
+    return np.column_stack(turned(vectors[:, 0], vectors[:, 1], cosine, sine))
 
 
 AT_REST, NOT_DOWN, LOST, BOUNCING, BLOWN, FIRST_END = range(6)
@@ -123,22 +132,17 @@ class _Balls:
         """Return the balls of some rows."""
         return BallState(self.position[rows], self.velocity[rows], self.spin[rows])
 
-    def bounce_all(
-        self, ground: Ground, tol: float, plane: Plane | None, time_limit: float, ends: Any
-    ) -> None:
+    def bounce_all(self, ground: Ground, tol: float, time_limit: float) -> None:
         """Fly and bounce until every ball stays down or has ended."""
+        events = ground_event(self.ball, ground), *self.ends
         while (rows := np.flatnonzero(self.status == _FLYING)).size:
-            flown = fly_many(
-                self.states(rows), self.ball, self.air, ground, tol,
-                plane=plane, time_limit=time_limit, ends=ends,
-            )  # fmt: skip
-            status = flown.status.values
-            self.position[rows], self.velocity[rows] = (
-                flown.landing_position,
-                flown.landing_velocity,
+            pays = MARCH.pays(len(rows) * seconds_of_fly(tol))
+            end, status = landings(
+                self.states(rows), self.ball, self.air, events, tol, time_limit, machine_code=pays
             )
-            self.spin[rows] = flown.landing_spin
-            self.time[rows] += flown.duration.values
+            self.position[rows], self.velocity[rows] = end.position, end.velocity
+            self.spin[rows] = end.spin
+            self.time[rows] += end.time
             flags = np.array([_FLYING, NOT_DOWN, LOST, *range(FIRST_END, FIRST_END + 100)])
             self.status[rows] = flags[status]
             landed = rows[status == LANDED]
@@ -187,33 +191,42 @@ class _Balls:
         from kickdyn.flight.compiling import compiled_ends, compiled_rolling
         from kickdyn.flight.march import Flights, march
 
-        begin = self.states(rows)
+        begin, n = self.states(rows), len(rows)
         rolling = rolling_of(begin, self.ball, self.air, self.surface)
+        if any(end.function is not distance_to_plane for end in self.ends):
+            rolling = rolling._replace(straight=False)  # they are functions of the world's axes
+        cosine, sine = rolling.direction(begin.velocity).T
         ends = rolling.slow_event, *self.ends
         launched = [end.launched(begin) for end in ends]
-        n = len(rows)
         numbers = np.column_stack([np.broadcast_to(x, n) for end in launched for x in end.numbers])
+        for k in range(NUMBERS, numbers.shape[1], NUMBERS):  # the normals of planes
+            numbers[:, k + 1 : k + 3] = turned_rows(numbers[:, k + 1 : k + 3], cosine, -sine)
         tol = min(tol, LOOSEST_ROLLING)
         margin = 0.1 * tol ** (1.0 / 3.0)
         scales = (tol * np.maximum(size, 1e-300) for size in (rolling.length, rolling.speed))
         columns = [*scales, *(np.full(n, x) for x in (tol, math.inf, margin))]
-        zeros = np.zeros((n, 4))
+        zeros, ahead = np.zeros((n, 4)), begin.velocity.copy()
+        ahead[:, :2] = turned_rows(ahead[:, :2], cosine, -sine)
         rolled = Flights(
-            np.column_stack([begin.position[:, 2], zeros]), begin.velocity.copy(),
+            np.column_stack([begin.position[:, 2], zeros]), ahead,
             np.ascontiguousarray(numbers), np.column_stack(columns),
             np.empty((n, 8 + 3 * len(ends))), np.empty((n, 16)), np.empty(n, np.int8),
             np.zeros(n, np.int64),
         )  # fmt: skip
         # as `roll`: those that are slow at once are not integrated
         rolled.nodes[:], rolled.status[:] = 0.0, LANDED
-        rolled.nodes[:, 4:7] = begin.velocity
+        rolled.nodes[:, 4:7] = ahead
         moves = np.asarray(rolling.speed > rolling.slowest)
         if moves.any():
-            rates = compiled_rolling(self.ball, rolling.air, self.surface.rolling_deceleration)
+            rates = compiled_rolling(
+                self.ball, rolling.air, self.surface.rolling_deceleration, rolling.straight
+            )
             functions, names = zip(*((end.function, end.name) for end in ends), strict=True)
             moving = Flights._make(array[moves] for array in rolled)
             march(MARCH(), rates, compiled_ends(functions, names), moving, tol, time_limit)
             rolled.nodes[moves], rolled.status[moves] = moving.nodes, moving.status
+        for k in (1, 4):  # displacement and velocity
+            rolled.nodes[:, k : k + 2] = turned_rows(rolled.nodes[:, k : k + 2], cosine, sine)
         self._stop(rows, rolled, rolling.wind)
 
     def _stop(self, rows: NDArray[np.intp], rolled: "Flights", wind: Array) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,8 +13,8 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.equations import FINEST
-from kickdyn.flight.events import Event
-from kickdyn.flight.forces import VACUUM, acceleration_function, downward
+from kickdyn.flight.events import Event, EventFunction
+from kickdyn.flight.forces import VACUUM, Acceleration, acceleration_function, downward
 from kickdyn.flight.integrate import Arc, Tolerance, integrate, trajectory
 from kickdyn.ground import Ground, Surface
 from kickdyn.restitution import restitution_for, rows_of
@@ -160,6 +160,8 @@ class Rolling(NamedTuple):
         acting: acceleration of a ball in flight by it, see `acceleration_function`.
         share: part of this acceleration that a ball has which rolls, see `rolling_share`.
         wind: acceleration of a ball at rest by the wind, shape `(2,)` [m/s2].
+        straight: whether the motion is computed along a first axis of each ball's own direction,
+            which no wind changes.
         speed: at the start [m/s], a number or shape `(n,)`.
         slowest: speed from which on all forces are taken to be constant [m/s].
         length: about how far the ball rolls [m].
@@ -169,18 +171,51 @@ class Rolling(NamedTuple):
     acting: Callable[..., tuple[float, float, float, float]]
     share: float
     wind: Array
+    straight: bool
     speed: float | Array
     slowest: float | Array
     length: float | Array
 
+    def direction(self, velocity: Array) -> Array:
+        """Return cosine and sine of the direction, shape `(2,)` or `(n, 2)`; of 0 unless straight.
+
+        The motion is computed in axes turned by this angle.
+        """
+        moves = (np.asarray(self.speed) > 0.0) & self.straight
+        size = np.where(moves, self.speed, 1.0)[..., None]
+        return np.where(moves[..., None], velocity[..., :2] / size, [1.0, 0.0])
+
     @property
     def slow_event(self) -> Event:
         """The event that the ball has become as slow as `slowest`."""
-        return Event("slow", _excess_speed, (self.slowest,))
+        return Event("slow", _excess_ahead if self.straight else _excess, (self.slowest,))
 
 
-def _excess_speed(state: Any, numbers: Any) -> Any:
+def _excess(state: Any, numbers: Any) -> Any:
     return math.hypot(state[3], state[4]) - numbers[0]
+
+
+def _excess_ahead(state: Any, numbers: Any) -> Any:
+    return state[3] - numbers[0]
+
+
+def rolling_acceleration(
+    acting: Acceleration, share: float, resistance: float, straight: bool
+) -> Callable[[float, float, float], tuple[float, float]]:
+    """Return a function of height and velocity (2): the acceleration of a ball that rolls [m/s2].
+
+    Without wind a ball rolls straight ahead. Where `straight` is true, the first axis has its
+    direction, and the function goes on smoothly where the ball comes to rest. numba can compile it.
+    """
+
+    def acceleration(z: float, u: float, v: float) -> tuple[float, float]:
+        ax, ay, _, _ = acting(z, u, v, 0.0, 0.0, 0.0, 0.0)
+        if straight:
+            return share * ax - resistance, 0.0
+        braking = resistance / math.hypot(u, v)
+        return share * ax - braking * u, share * ay - braking * v
+
+    return acceleration
 
 
 def rolling_share(ball: Ball) -> float:
@@ -198,7 +233,8 @@ def rolling_of(state: BallState, ball: Ball, air: Air | None, surface: Surface) 
     with np.errstate(over="ignore"):  # refused by BallState
         length = speed * (speed / (2.0 * surface.rolling_deceleration))
     sizes = speed, 1e-7 * np.maximum(speed, math.hypot(*wind)), length
-    return Rolling(air, acting, share, wind, *(x if x.ndim else float(x) for x in sizes))
+    straight = not wind.any()
+    return Rolling(air, acting, share, wind, straight, *(x if x.ndim else float(x) for x in sizes))
 
 
 def time_to_rest(velocity: Array, wind: Array, resistance: float) -> Array:
@@ -264,15 +300,23 @@ def roll(
     `time_limit`. One of the events in `ends` may end the phase before.
     """
     rolling, resistance = rolling_of(state, ball, air, surface), surface.rolling_deceleration
-    height, share, acting = float(state.position[2]), rolling.share, rolling.acting
+    height, (cosine, sine) = float(state.position[2]), rolling.direction(state.velocity).tolist()
+    acceleration = rolling_acceleration(rolling.acting, rolling.share, resistance, rolling.straight)
 
     def rates(_: float, moving: Array) -> list[float]:
         u, v = float(moving[3]), float(moving[4])
-        ax, ay, _, _ = acting(height, u, v, 0.0, 0.0, 0.0, 0.0)
-        braking = resistance / math.hypot(u, v)
-        return [u, v, 0.0, share * ax - braking * u, share * ay - braking * v, 0.0, 0.0]
+        return [u, v, 0.0, *acceleration(height, u, v), 0.0, 0.0]
 
-    begin = np.array([0.0, 0.0, 0.0, *state.velocity[:2], 0.0, 1.0])
+    def in_world(moving: Any) -> Any:
+        x, y, z, u, v, w, left = moving
+        return np.array([*turned(x, y, cosine, sine), z, *turned(u, v, cosine, sine), w, left])
+
+    def of_world(function: EventFunction) -> EventFunction:
+        return lambda moving, numbers: function(in_world(moving), numbers)
+
+    ends = [replace(end, function=of_world(end.function)) for end in ends]
+    velocity = turned(state.velocity[0], state.velocity[1], cosine, -sine)
+    begin = np.array([0.0, 0.0, 0.0, *velocity, 0.0, 1.0])
     is_slow = rolling.slow_event
     arc = Arc(0.0, begin, is_slow, [], 0, [])
     if rolling.speed > rolling.slowest:
@@ -280,7 +324,7 @@ def roll(
         sizes = np.array([*3 * [rolling.length], *3 * [rolling.speed], 1.0])
         tolerance = Tolerance(tol, np.maximum(tol * sizes, 1e-300))
         arc = integrate(rates, (0.0, begin), [is_slow, *ends], time_limit, tolerance)
-    slow_time, slow = arc.end, arc.state
+    slow_time, slow = arc.end, in_world(arc.state)
     duration = slow_time
     rest = float(time_to_rest(slow[3:5], rolling.wind, resistance))
     blown = arc.reached is None or (arc.reached is is_slow and rest == math.inf)
@@ -289,7 +333,7 @@ def roll(
     rolled = trajectory(arc, begin)
 
     def states(t: Array) -> BallState:
-        moved = rolled(np.minimum(t, slow_time))
+        moved = in_world(rolled(np.minimum(t, slow_time)))
         late = np.maximum(t - slow_time, 0.0)
         left = 1.0 - late / max(duration - slow_time, 1e-300)  # of the speed
         x, y = moved[:2] + 0.5 * (1.0 + left) * late * slow[3:5, None]
@@ -306,6 +350,11 @@ def roll(
     end = _first(states(np.array([duration])))
     name = None if arc.reached in (None, is_slow) else arc.reached.name
     return GroundPhase(start, end, "roll", states, name, blown, arc.evaluations)
+
+
+def turned(x: Any, y: Any, cosine: Any, sine: Any) -> tuple[Any, Any]:
+    """Return the components of a vector that is turned by an angle, or of n vectors."""
+    return cosine * x - sine * y, sine * x + cosine * y
 
 
 def _first(states: BallState) -> BallState:

@@ -126,6 +126,15 @@ def test_gaps_are_named_and_the_markers_that_are_seen_count():
     assert any("frame 30, 'foot2'" in line for line in motion.warnings)
 
 
+@pytest.mark.parametrize(("angle", "count"), [(50.0, 0), (70.0, 1)])
+def test_a_pelvis_that_is_tilted_by_more_than_60_degrees_is_named(angle, count):
+    """All markers are turned; the pelvis of the kick itself is tilted by less than 10 degrees."""
+    turn = pin.rpy.rpyToMatrix(0.0, np.radians(angle), 0.0)
+    turned = changed(lambda p: p.__setitem__(..., p @ turn.T), rate=50)
+    lines = kd.fit_motion(turned, LEG, PLACES).warnings
+    assert sum("the pelvis is tilted" in line for line in lines) == count
+
+
 KEEP = put(0, 0, value=np.nan)
 MIRRORED = {name: (link, (x, -y, z)) for name, (link, (x, y, z)) in PLACES.items()}
 
@@ -162,11 +171,11 @@ def test_joint_angles_of_a_file():
     assert np.degrees(at.q_deviations).max() < 0.5  # of one angle
     moving = kd.fit_motion(whole, leg.with_base_velocity((4, 0, 0)), angles=names, contact=0.2)
     assert moving.at_contact().foot_velocity - at.foot_velocity == pytest.approx([4, 0, 0])
-    (line,) = kd.fit_motion(whole, leg, angles=names | {"knee": "knee_r"}).warnings
-    assert "knee is outside its range of 0 to 140 deg in 48 frames" in line
-    for named, message in (
-        ({"hip": "hip_r"}, "hip, knee"),
-        (names | {"hip": "x"}, "'x' is not in"),
-    ):
+    for beyond, count in ((9.0, 0), (11.0, 1)):  # 10 deg outside its range may be reached
+        angles["knee_r"] = np.full(48, np.radians(-140.0 - beyond))
+        lines = kd.fit_motion(kd.BodyTrack(times, angles=angles), leg, angles=names).warnings
+        assert len(lines) == count
+    assert "knee is outside its range of 0 to 140 deg in 48 frames" in lines[0]
+    for named, message in (({"hip": "hip_r"}, "hip, knee"), (names | {"hip": "x"}, "'x' is not")):
         with pytest.raises(kd.InvalidInput, match=message):
             kd.fit_motion(whole, leg, angles=named)

@@ -3,14 +3,17 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from chains import free_body
 from kick_motion import LEG, PLACES, state
 from tolerances import agrees, differenced, optimized
 
 from kickdyn.identification.marker_kinematics import (
     MARKER_NOISE,
     SCALE_DEVIATION,
+    FittedLeg,
     Marker,
     MarkerKinematics,
+    place_deviation,
     scaled_leg,
 )
 
@@ -104,3 +107,25 @@ def test_lengths_change_configurations_by_their_slopes(fitted):
     by_scale = by_differences(lambda x: placed(q, scales + x), JOINTS)
     expected = -np.linalg.lstsq(jacobian, by_scale, rcond=None)[0]
     agrees(leg.slopes(q), expected, differenced())
+
+
+@pytest.mark.parametrize("c", [0.03, 0.6])
+def test_the_deviation_of_places_is_that_of_their_means_in_the_axes_of_the_segment(c):
+    """A cluster that is wrong by c + d and c - d times its size, in turn, on a body that turns.
+
+    Such residuals do not move the body, which 6 of 12 coordinates determine. The variance of a mean
+    of n frames, d^2 / (n - 1), is taken off twice; with 0.06 m, the marker is another one.
+    """
+    leg, d, n = free_body().leg, 0.01, 8
+    points = 0.1 * np.vstack([np.eye(3)[:2], -np.eye(3)[:2], np.zeros(3)])
+    places = [Marker(leg.model.getFrameId("toe"), point) for point in points]
+    q = [np.array([0, 0, 0, 0, 0, np.sin(a), np.cos(a)]) for a in np.pi / n * np.arange(n)]
+    sizes = (1.0 + c + d * (-1.0) ** np.arange(n))[:, None, None]
+    measured = sizes * points @ [pin.XYZQUATToSE3(x).rotation.T for x in q]
+    measured[1:, 4] = np.nan  # seen once, which shows no scatter
+    solve = MarkerKinematics(leg.model, places).solve
+    frames = dict(enumerate(map(solve, q, measured, np.isfinite(measured[..., 0]))))
+    fitted = FittedLeg(leg, {}, places, 0.0 * points, np.zeros((0, 0)))
+    square = 12 / (12 - 6) * np.mean(points[:4] ** 2) * (c**2 - 2 * d**2 / (n - 1))
+    right = np.sqrt(square) if c < 0.5 else 0.0
+    assert place_deviation(fitted, measured, frames) == pytest.approx(right, rel=1e-6)

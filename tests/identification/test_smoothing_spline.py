@@ -1,8 +1,10 @@
 """The smoothing spline of configurations: limits in closed form, its functional, its coverage."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
-from tolerances import sampled
+from chains import free_body
+from tolerances import agrees, differenced, sampled
 
 import kickdyn as kd
 from kickdyn.identification import smoothing_spline
@@ -76,3 +78,41 @@ def test_deviations_cover_curves_of_the_prior():
         _, v, covariance = spline(q).state(0.0)
         scores.append((v - velocity) / np.sqrt(covariance.diagonal()[3:]))
     assert np.mean(np.square(scores)) == pytest.approx(1.0, abs=np.sqrt(2) * sampled(45, 4.0))
+
+
+def test_a_free_body_by_differences(monkeypatch):
+    """Without jerk, the covariance is that of a quadratic by weighted least squares.
+
+    Where the body is at rest, errors of its angles turn no velocity. The acceleration is exact at
+    the end, the reference. Medians of the prior are 0.01 m or 0.03 rad within 0.05 s.
+    """
+    model, priors, rng = free_body().leg.model, [], np.random.default_rng(2)
+    monkeypatch.setattr(smoothing_spline, "_likely_density", lambda *x: priors.append(x) or 1e-20)
+    times, factors = np.linspace(-1.0, 0.0, 12), rng.normal(size=(12, 6, 6))
+    information = factors @ factors.transpose(0, 2, 1) + np.eye(6)
+    information[-1] = 0.0
+    square, line = 0.5 * rng.normal(size=(2, 6))
+
+    def spline_of(line, number=0, change=0.0 * line):
+        moved = np.outer(4 * times * (times + 1), square) + np.outer(times, line)
+        q = np.array([pin.integrate(model, pin.neutral(model), x) for x in moved])
+        q[number] = pin.integrate(model, q[number], change)
+        return SmoothingSpline(model, times, q, information)
+
+    def slopes(first, last):
+        change = pin.difference(model, first[0], last[0])
+        return np.concatenate([change, last[1] - first[1]]) / 2e-5
+
+    still, rest, expected = spline_of(0.0 * line), -0.5, np.zeros((12, 12))
+    _, _, _, variances, medians = zip(*priors, strict=True)
+    assert medians == pytest.approx(np.log10(np.repeat([0.01, 0.03], 3) ** 2 / 0.05**7), abs=0.2)
+    assert [x[-1] for x in variances] == pytest.approx([100.0] * 6)  # 10 m or rad
+    for k in range(11):
+        by_frame = np.transpose([slopes(*(spline_of(0.0 * line, k, x).state(rest) for x in (-e, e)))
+                                 for e in 1e-5 * np.eye(6)])  # fmt: skip
+        expected += by_frame @ np.linalg.inv(information[k]) @ by_frame.T
+    agrees(still.state(rest)[2], expected, differenced())
+    moving = spline_of(line).state
+    for t, count in ((0.0, 12), (rest, 6)):
+        right = slopes(moving(t - 1e-5), moving(t + 1e-5))
+        agrees(spline_of(line).rate(t)[:count], right[:count], differenced())

@@ -1,6 +1,7 @@
 """Tracks of a ball: slices, files with gaps and units, and what is refused."""
 
 import csv
+import struct
 import sys
 from pathlib import Path
 
@@ -79,6 +80,18 @@ def test_five_samples_less_than_a_second_apart_are_enough():
     for interval, count, message in ((0.1, 4, "4 samples"), (1.1, 5, r"1\.1 s apart")):
         with pytest.raises(kd.InvalidInput, match=message):
             check_samples(kd.Track(interval * np.arange(count), np.zeros((count, 3))))
+
+
+def test_times_count_from_the_first_frame_of_the_measurement(tmp_path):
+    """A file at 500 Hz whose first frame is 101, not 1, begins 0.2 s after the measurement."""
+    pytest.importorskip("ezc3d")
+    content, cut = bytearray(C3D.read_bytes()), tmp_path / "cut.c3d"
+    first, last = struct.unpack_from("<HH", content, 6)
+    struct.pack_into("<HH", content, 6, first + 100, last + 100)
+    cut.write_bytes(content)
+    whole, later = (kd.Track.from_c3d(file, "ball").times for file in (C3D, cut))
+    assert (first, whole[0]) == (1, 0.0)
+    assert later == pytest.approx(whole + 0.2, abs=1e-9)
 
 
 @pytest.mark.parametrize("damage", ["half", "garbage", "missing"])

@@ -8,7 +8,7 @@ from typing import Any
 from kickdyn.aerodynamics import drag as drag_models
 from kickdyn.aerodynamics import lift as lift_models
 from kickdyn.aerodynamics import spin_decay as torque_models
-from kickdyn.aerodynamics.coefficient_model import Coefficient, ConstantCoefficient, find_model
+from kickdyn.aerodynamics.coefficient_model import Coefficient, find_model, name_of
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value
 from kickdyn.core.validation import Array, ArrayLike
@@ -109,12 +109,7 @@ class Air(ValueEquality, ReprMixin):
 
     def _names(self) -> dict[str, object]:
         models = {"drag": self.drag, "lift": self.lift, "torque": self.torque, "wind": self.wind}
-        return {
-            key: model.value
-            if isinstance(model, ConstantCoefficient)
-            else getattr(model, "name", getattr(model, "__name__", model))
-            for key, model in models.items()
-        }
+        return {key: name_of(model) for key, model in models.items()}
 
     def _rows(self) -> Iterable[Row]:
         names = self._names()

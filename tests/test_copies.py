@@ -16,9 +16,6 @@ WAYS = {
 BY_HAND = {"tuning", "restitution"}
 """Made in the tests without the function that gives them, which protects their arrays."""
 
-UNPICKLED = {"learner"}
-"""Its air has a drag that is a function without a name."""
-
 MORE = {
     "uncertainty": lambda: sticking().uncertainty(q=0.1, normal=0.02),
     "hold": lambda: one("standing impact").posture.constraint_projector,
@@ -48,8 +45,6 @@ def test_copies_are_the_same_and_read_only(name):
         pytest.skip("it has slots")
     assert writeable(original) == []
     for way, copied in WAYS.items():
-        if way == "pickle" and name in UNPICKLED:
-            continue
         result = copied(original)
         assert type(result) is type(original)
         assert writeable(result) == []

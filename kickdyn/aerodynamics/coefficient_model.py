@@ -92,6 +92,44 @@ class ConstantCoefficient:
         return self.value
 
 
+@dataclass(frozen=True)
+class ScaledCoefficient:
+    """A coefficient times a factor, without the limits of its range.
+
+    It can be compared, copied and pickled if the coefficient can.
+    """
+
+    model: Coefficient
+    factor: float
+
+    @property
+    def name(self) -> str:
+        """The factor and the name of the coefficient."""
+        return f"{self.factor:.6g} x {name_of(self.model)}"
+
+    @property
+    def function(self) -> Coefficient:
+        """The coefficient as a plain function, which `fly_many` compiles."""
+        factor = self.factor
+        unscaled: Coefficient = getattr(self.model, "function", self.model)
+
+        def model(reynolds: float, spin_parameter: float = 0.0) -> float:
+            return factor * unscaled(reynolds, spin_parameter)
+
+        return model
+
+    def __call__(self, reynolds: float, spin_parameter: float = 0.0) -> float:
+        """Return the scaled coefficient (dimensionless)."""
+        return self.function(reynolds, spin_parameter)
+
+
+def name_of(model: object) -> object:
+    """Return what an `Air` shows of a coefficient: its value, or its name if it has one."""
+    if isinstance(model, ConstantCoefficient):
+        return model.value
+    return getattr(model, "name", getattr(model, "__name__", model))
+
+
 def registry(*models: CoefficientModel) -> dict[str, CoefficientModel]:
     """Return models by name; copies and pickles of them are the very same objects from now on."""
     _REGISTERED.update({(model.kind, model.name): model for model in models})
@@ -113,12 +151,6 @@ def _registered(kind: str, name: str) -> CoefficientModel:
 def is_known(model: Coefficient) -> bool:
     """Return whether a coefficient is constant or one of the registries."""
     return is_registered(model) or isinstance(model, ConstantCoefficient)
-
-
-def scaled(model: Coefficient, factor: float) -> Coefficient:
-    """Return a coefficient times a factor, without the limits of its range."""
-    function: Coefficient = getattr(model, "function", model)
-    return lambda reynolds, spin_parameter: factor * function(reynolds, spin_parameter)
 
 
 def constant_limits(kind: str) -> dict[str, Any]:

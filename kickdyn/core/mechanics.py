@@ -1,8 +1,9 @@
-"""Gravity, and three-vectors as Python's floats, for which numpy takes several times as long.
+"""Gravity, rotations, and three-vectors as Python's floats, for which numpy takes much longer.
 
 For stacks of vectors there is `np.cross`, for the matrix of a cross product `pin.skew`.
 """
 
+import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -30,3 +31,24 @@ def cross3(a: Iterable[float], b: Iterable[float]) -> Triple:
 def largest(array: Array) -> float:
     """Return the largest absolute entry of a short, finite array."""
     return float(max(map(abs, array.tolist())))
+
+
+def rotation_between(a: Array, b: Array) -> Array:
+    """Return the rotation by the least angle that turns one direction into another, `(3, 3)`.
+
+    Vectors of any length but 0, shape `(3,)`. Of opposite ones, the axis is any that is
+    perpendicular. Where they are nearly opposite, 1 + a . b has few digits left (with which Eigen's
+    `FromTwoVectors` computes): a is turned by half a turn first, about the same axis.
+    """
+    a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
+    half_turn = np.eye(3)
+    if a @ b < 0.0:
+        total = a + b  # exact where they are nearly opposite
+        axis = cross(a, total)
+        if math.hypot(*axis) <= 0.5 * math.hypot(*total):  # nothing but rounding
+            axis = cross(a, np.eye(3)[np.argmin(np.abs(a))])
+        axis /= math.hypot(*axis)
+        half_turn, a = 2.0 * np.outer(axis, axis) - np.eye(3), -a
+    x, y, z = cross3(a, b)
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray((np.eye(3) + skew + skew @ skew / (1.0 + a @ b)) @ half_turn)

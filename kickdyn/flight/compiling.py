@@ -22,7 +22,11 @@ from llvmlite import ir
 from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic
 
-from kickdyn.aerodynamics.coefficient_model import CoefficientModel, ConstantCoefficient
+from kickdyn.aerodynamics.coefficient_model import (
+    CoefficientModel,
+    ConstantCoefficient,
+    ScaledCoefficient,
+)
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.core.compilation import WITHIN, cache_folder, from_cache, log, uncollected
@@ -64,7 +68,7 @@ _PLAIN = (int, float, complex, bool, str, bytes, type(None), type(...), types.Bu
 _compiled: dict[tuple[str, bool], Any] = {}
 
 
-WRAPPED = (CoefficientModel, ConstantCoefficient)
+WRAPPED = (CoefficientModel, ConstantCoefficient, ScaledCoefficient)
 """Types whose `function` is what gets compiled."""
 
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from kickdyn.aerodynamics.coefficient_model import scaled
+from kickdyn.aerodynamics.coefficient_model import ScaledCoefficient
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.mechanics import GRAVITY
@@ -168,7 +168,7 @@ def fly_with_launch_slopes(
         state = BallState.computed(np.array(launch.position), velocity, turning)
         if air is None or air.drag is None or change[6] == 0.0:
             return state, air
-        return state, replace(air, drag=scaled(air.drag, 1.0 + change[6]))
+        return state, replace(air, drag=ScaledCoefficient(air.drag, 1.0 + change[6]))
 
     sizes = np.array([*3 * [speed], *3 * [spin], 1.0])
     return fly_with_slopes(changed, np.zeros(7), INCREMENT * sizes, ball, end, tol, central=True)

@@ -24,7 +24,7 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from kickdyn.aerodynamics.coefficient_model import scaled
+from kickdyn.aerodynamics.coefficient_model import ScaledCoefficient
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
@@ -203,7 +203,7 @@ class _Problem(NamedTuple):
             changes["drag"] = constant(values["drag"])
         for kind in ("drag", "lift"):
             if f"{kind}_scale" in values:
-                changes[kind] = scaled(getattr(self.air, kind), values[f"{kind}_scale"])
+                changes[kind] = ScaledCoefficient(getattr(self.air, kind), values[f"{kind}_scale"])
         if "wind_x" in values:
             changes["wind"] = (values["wind_x"], values["wind_y"], np.asarray(self.air.wind)[2])
         return state, replace(self.air, **changes)

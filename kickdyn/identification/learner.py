@@ -26,7 +26,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import expit, logit
 
-from kickdyn.aerodynamics.coefficient_model import scaled
+from kickdyn.aerodynamics.coefficient_model import ScaledCoefficient
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
@@ -300,7 +300,7 @@ class Learner(ReprMixin):
     def _air(self, theta: Array) -> Air:
         """Return the air for given unknowns, of which the first three count."""
         assert self._model.drag is not None
-        drag = scaled(self._model.drag, math.exp(theta[0]))
+        drag = ScaledCoefficient(self._model.drag, math.exp(theta[0]))
         upwards = np.asarray(self._model.wind)[2]
         return replace(self._model, drag=drag, wind=np.array([theta[1], theta[2], upwards]))
 

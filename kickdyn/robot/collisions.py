@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array
 from kickdyn.robot.ground_clearance import LARGEST_MESH, Spheres, body_frames, shapes_of
 from kickdyn.robot.kicking_chain import rest_configuration
@@ -111,9 +112,9 @@ def _body(frame: str, spheres: Spheres) -> Body:
     if len(points) == 1:
         return Body(frame, coal.Sphere(radius), pin.SE3(np.eye(3), centre), reach)
     if len(points) == 2:
-        axis = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), points[1] - points[0])
+        turn = rotation_between(np.array([0.0, 0.0, 1.0]), points[1] - points[0])
         length = float(np.linalg.norm(points[1] - points[0]))
-        return Body(frame, coal.Capsule(radius, length), pin.SE3(axis.matrix(), centre), reach)
+        return Body(frame, coal.Capsule(radius, length), pin.SE3(turn, centre), reach)
     points = points - centre
     _, sizes, axes = np.linalg.svd(points)
     for axis in axes[sizes <= THICKNESS * sizes[0]]:

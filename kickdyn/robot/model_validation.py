@@ -138,8 +138,8 @@ def _check_inertias(model: Any, names: list[str]) -> None:
     for name, body, moved in zip(names, bodies, composites, strict=True):
         # a point's moments are 0 but for the rounding of those about its joint
         of_moved, of_body = second_moments(moved.inertia), second_moments(body.inertia)
-        largest = max(of_moved[0], of_body[0], moved.mass * moved.lever @ moved.lever)
-        if body.mass > 0 and not of_body[-1] >= -ROUNDING * largest:
+        largest = max(of_moved[0], moved.mass * moved.lever @ moved.lever)
+        if not of_body[-1] >= -ROUNDING * largest:
             unsound.append(name)
     if unsound:
         first = bodies[names.index(unsound[0])]

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
+from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Support
@@ -255,8 +256,7 @@ def _levelled(rotation: Array, normals: Array, areas: Array) -> Array:
     if not (downward >= np.cos(MOST_TILT)).any():
         return rotation
     number = int(np.argmax(np.where(downward >= np.cos(MOST_TILT), areas, -1.0)))
-    turn = pin.Quaternion.FromTwoVectors(rotation @ normals[number], np.array([0.0, 0.0, -1.0]))
-    return np.asarray(turn.toRotationMatrix() @ rotation)
+    return rotation_between(rotation @ normals[number], np.array([0.0, 0.0, -1.0])) @ rotation
 
 
 def _faces(robot: Leg, frame: int) -> tuple[Array, Array]:

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 
@@ -178,11 +179,7 @@ def _reverse_joint(model: Any, joint: int) -> tuple[Any, Any]:
             f"joint {model.names[joint]!r} between the supporting foot and the base is a {name}: "
             "it must turn about or slide along one axis"
         )
-    x, axis = np.array([1.0, 0.0, 0.0]), _axis(kind)
-    if axis[0] > 0.0:  # Eigen loses digits where the two vectors are nearly opposite
-        turn = pin.Quaternion.FromTwoVectors(x, axis).matrix() @ np.diag([-1.0, -1.0, 1.0])
-    else:
-        turn = pin.Quaternion.FromTwoVectors(x, -axis).matrix()
+    turn = rotation_between(np.array([1.0, 0.0, 0.0]), -_axis(kind))
     revolute = pin.JointModelRUBX if kind.nq == 2 else pin.JointModelRX
     opposite = pin.JointModelPX if name.startswith(PRISMATIC) else revolute
     return opposite(), pin.SE3(turn, np.zeros(3))

@@ -16,6 +16,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from kickdyn.core.lanes import BATCH, choose, inlined, jitable, larger, magnitude, spread
+from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
 
@@ -107,7 +108,7 @@ LEAST_PIVOT = 1e-9
 
 def joint_frame(axis: Array) -> Array:
     """Return a frame as columns, whose z is along the axis."""
-    return np.asarray(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix())
+    return rotation_between(np.array([0.0, 0.0, 1.0]), axis)
 
 
 class TreeJoints(NamedTuple):

@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.ball import BallState
+from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
@@ -118,7 +119,7 @@ class MujocoField:
         contact = contact._replace(friction=self.disturbance.ball_friction * contact.friction)
         model, posture = robot.model, self.impact.posture
         normal = posture.rotation_world_joint.T @ self.impact.contact.normal
-        face = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
+        face = rotation_between(np.array([0.0, 0.0, 1.0]), normal)
         geoms = {
             robot.contact_joint: '<geom name="plate" type="box" '
             f'size="{HALF_PLATE} {HALF_PLATE} 0.005" quat="{quaternion(face)}" '

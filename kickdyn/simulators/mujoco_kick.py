@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import brentq
 
+from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import Approach
@@ -191,7 +192,7 @@ def scene(
     ball.check_movable("a kick in MuJoCo")
     model = posture.leg.model
     normal = posture.rotation_world_joint.T @ approach.contact.normal
-    face = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
+    face = rotation_between(np.array([0.0, 0.0, 1.0]), normal)
     foot = (
         f'<geom name="foot" type="box" size="1 1 0.1" quat="{quaternion(face)}" '
         f'pos="{row(posture.contact_lever - 0.1 * normal)}" contype="0" conaffinity="0" '

@@ -14,7 +14,7 @@ from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.aerodynamics import drag, lift, spin_decay
-from kickdyn.aerodynamics.coefficient_model import CoefficientModel, scaled, smoothstep
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel, ScaledCoefficient, smoothstep
 
 HALF = CoefficientModel("drag", "half", lambda reynolds, spin: 0.5 + spin, (1, 9), (0, 1), "here")
 SHIPPED = [m for package in (drag, lift, spin_decay) for m in package.MODELS.values()]
@@ -23,7 +23,7 @@ SHIPPED = [m for package in (drag, lift, spin_decay) for m in package.MODELS.val
 def test_a_model_is_its_function_and_knows_its_range():
     assert HALF(3.0) == 0.5  # without spin
     assert HALF(3.0, 0.25) == 0.75
-    assert scaled(HALF, 3.0)(3.0, 0.25) == 2.25
+    assert ScaledCoefficient(HALF, 3.0)(3.0, 0.25) == 2.25
     reynolds, spin = np.array([0.5, 5.0, 9.5, 5.0, 5.0]), np.array([0.5, 0.0, 1.0, -0.1, 1.1])
     outside = HALF.beyond(reynolds, spin)
     assert outside.astype(int).tolist() == [[1, 0, 0, 0, 0], [0, 0, 1, 0, 0], [0, 0, 0, 1, 0],
@@ -52,6 +52,8 @@ def test_a_model_keeps_its_own_function_in_copies_and_pickles(again):
     assert air.drag(1e5) == 0.99
     assert air == kd.Air(drag=mine) != kd.Air(drag="brazuca")
     assert again(kd.Air(drag=0.25)).drag(1e5, 0.0) == 0.25
+    twice = again(kd.Air(drag=ScaledCoefficient(mine, 2.0)))
+    assert (twice.drag(1e5), repr(twice).count("'2 x brazuca'")) == (1.98, 1)
     assert all(again(model) is model for model in SHIPPED)
 
 

@@ -5,7 +5,7 @@ import pytest
 from tolerances import integrated
 
 import kickdyn as kd
-from kickdyn.aerodynamics.coefficient_model import scaled
+from kickdyn.aerodynamics.coefficient_model import ScaledCoefficient
 from kickdyn.flight.derivatives import INCREMENT, fly_with_launch_slopes, fly_with_slopes
 
 BALL = kd.Ball()
@@ -26,7 +26,7 @@ def by_central_differences(function, sizes, step=1e-4):
 def landing(air, change, **end):
     """Fly with changed velocity, spin and factor of the drag."""
     if air is not None:
-        air = kd.Air(drag=scaled(air.drag, 1 + change[6]), wind=air.wind)
+        air = kd.Air(drag=ScaledCoefficient(air.drag, 1 + change[6]), wind=air.wind)
     velocity, spin = LAUNCH.velocity + change[:3], LAUNCH.spin + change[3:6]
     return kd.fly(kd.BallState(LAUNCH.position, velocity, spin), BALL, air, tol=1e-12, **end)
 
@@ -74,7 +74,7 @@ def test_a_launch_is_any_function_of_parameters(vacuum, central):
 
     def launch(values):
         size, height, lift, wind = values
-        air = kd.Air(drag="brazuca", lift=scaled(kd.Air().lift, lift), wind=(wind, 0, 0))
+        air = kd.Air(drag="brazuca", lift=ScaledCoefficient(kd.Air().lift, lift), wind=(wind, 0, 0))
         state = kd.BallState((0, 0, height), (18, 2, 9), size * np.array([0.0, -0.6, 0.8]))
         return state, None if vacuum else air
 

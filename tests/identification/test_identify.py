@@ -7,7 +7,7 @@ import pytest
 from tolerances import agrees, closed_form, integrated, optimized, sampled
 
 import kickdyn as kd
-from kickdyn.aerodynamics.coefficient_model import scaled
+from kickdyn.aerodynamics.coefficient_model import ScaledCoefficient
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.identification.identify import SPIN_SPREAD, flight_axes
 
@@ -97,7 +97,7 @@ def test_the_covariance_is_that_of_the_derivatives_of_the_flight(fitted):
     unknowns = np.array([*launch.position, *launch.velocity, *launch.spin, fitted.estimates[-1]])
 
     def positions(p):
-        air = kd.Air(drag=scaled(kd.Air().drag, p[9]))
+        air = kd.Air(drag=ScaledCoefficient(kd.Air().drag, p[9]))
         return kd.fly(kd.BallState(p[:3], p[3:6], p[6:9]), BALL, air, tol=1e-12).sample(times)
 
     for step in np.diag(1e-4 * np.array([1, 1, 1, 20, 20, 20, 100, 100, 100, 1.0])):
@@ -171,7 +171,8 @@ def test_where_the_sum_of_squares_is_not_quadratic_the_deviation_is_that_of_its_
     deviation = np.sqrt(result.covariance[-1, -1])
     assert result.curved == ("drag_scale",)
     assert result.estimates[-1] == pytest.approx(1.0, abs=3.0 * deviation)
-    fixed = replace(brazuca, drag=scaled(brazuca.drag, result.estimates[-1] + sign * 2 * deviation))
+    drag = ScaledCoefficient(brazuca.drag, result.estimates[-1] + sign * 2 * deviation)
+    fixed = replace(brazuca, drag=drag)
     other = kd.identify(track, BALL, fixed, free=("spin",))
     squares = [
         (fit.residuals**2).sum() / result.noise**2 + (fit.launch.spin**2).sum() / SPIN_SPREAD**2

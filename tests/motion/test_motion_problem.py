@@ -1,5 +1,7 @@
 """The nonlinear program of a motion: strikes keep its rows, derivatives are differences."""
 
+from types import SimpleNamespace
+
 import casadi as ca
 import numpy as np
 import pinocchio as pin
@@ -10,6 +12,7 @@ from tolerances import agrees, differenced
 import kickdyn as kd
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.kick_task import KickTask
+from kickdyn.motion.limits import RestingTorqueLimit, SpeedLimit
 from kickdyn.motion.motion_problem import ENDS, JERK, SHARE, MotionProblem
 from kickdyn.motion.row_blocks import Block, Cost, block_solver, make_rows
 from kickdyn.motion.solution import Solution
@@ -184,3 +187,13 @@ def test_times_are_added_where_limits_are_nearest(problem):
     for before, after in zip(solution.times, added, strict=True):
         assert set(before) <= set(after)
         assert (np.diff(after) > 0).all()
+
+
+def test_joints_at_rest_with_half_their_torque_limit_are_next_to_an_overloaded_one():
+    limits = [SpeedLimit(["hip"], np.ones(1)), RestingTorqueLimit("abc", np.ones(3), range(3))]
+    verdict = object.__new__(Verdict)
+    task = SimpleNamespace(resting=["waist", "elbow", "wrist"])
+    verdict.problem = SimpleNamespace(limits=limits, task=task)
+    for largest, named in (([1.01, 0.51, 0.49], ["waist", "elbow"]), ([0.99, 0.51, 0.49], [])):
+        verdict.rows = 1.0 - np.array([[9.0, *largest], [0.0, 0.2, 0.2, 0.2]])
+        assert verdict.overloaded() == named

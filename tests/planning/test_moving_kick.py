@@ -8,6 +8,7 @@ from tolerances import agrees, optimized
 
 import kickdyn as kd
 from kickdyn.planning.intercepting_kick import KickSettings
+from kickdyn.planning.interception import reach_of
 from kickdyn.planning.kick_steps import checked_contact
 from kickdyn.planning.moving_kick import Interceptor
 from kickdyn.planning.objectives import KickObjective
@@ -139,6 +140,34 @@ def test_where_a_ball_is_and_how_it_moves_away(ball, word):
     faster = "faster than its launch" if along > np.linalg.norm(launch) else None
     assert word == ("moves away from the foot" if away > 0 else faster)
     assert (word or "") in balls.escaping(0.1)
+
+
+def test_changes_of_the_velocity_are_those_of_parabolas():
+    """A kick meets a goal some time after it; of a ball without air, launches between are exact."""
+    ball, hip = kd.BallState((0.6, 0.1, 0.2), (-3.0, -0.4, 1.0)), reach_of(HUMAN, BALL)
+    trap, goal = kd.BallState(velocity=(1.0, 0.5, 0.0)), kd.Goal((9, 1, 0), time=0.9)
+    waits, gravity = np.linspace(0.0, 0.2, 5), np.array([0.0, 0.0, -9.81])
+    incoming = kd.IncomingBall(ball, kd.Ground(-9.0, "turf"))
+    before = ball.velocity + np.outer(waits, gravity)
+    left = goal.target - np.outer(waits, ball.velocity) - np.outer(waits**2 / 2, gravity)
+    launches = left / 0.9 - 0.9 / 2 * gravity
+    for wish, after, exact in ((trap, trap.velocity, slice(5)), (goal, launches, slice(0, 5, 2))):
+        settings = KickSettings(wish, BALL, None, checked_contact(None), KickObjective.JOINT_SPEED,
+                                True, None, "slsqp")  # fmt: skip
+        changes = Interceptor(HUMAN, settings, incoming, reach=hip).changes(waits)
+        agrees(changes[:, :2], (after - before)[:, :2], optimized(1e-9))
+        agrees(changes[exact], (after - before)[exact], optimized(1e-9))
+
+
+def test_a_ball_that_rests_before_it_was_to_be_met_is_met_where_it_rests(rolling):
+    ground, place = rolling.meeting.ground, rolling.meeting.ball.position
+    slow = kd.BallState(place, (-0.05, 0, 0), (0, -0.05 / BALL.radius, 0), ROLLING.time)
+    course = kd.follow(slow, BALL, AIR, ground)
+    assert course.status == "at-rest"
+    assert course.duration < rolling.meeting.time - ROLLING.time
+    met = rolling.replan(incoming=slow).meeting.ball
+    agrees(met.position, course.rest.position, 1e-9)
+    assert met.velocity == pytest.approx(np.zeros(3), abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ def body(mass=1.0, moments=(0.1, 0.1, 0.05), at=(0.1, 0.2, 0.3)):
 
 
 BODY, NOTHING = body(at=(0.0, 0.1, -0.25)), pin.Inertia.Zero()
+SLIGHT = body(1e-6, (1e-11, 1e-11, 3e-11), (0, 0, 0))
 ON_AXIS = pin.Inertia(1.0, np.array([0.0, 0.0, 0.3]), np.zeros((3, 3)))
 
 
@@ -45,8 +46,9 @@ def chain(*bodies, joints="XYZX", place=(0.0, 0.0, 0.0)):
         (body(moments=(0, 0.1, 0.1)), BODY),  # a rod
         (body(moments=(0, 0, 0)), BODY),  # a point
         (NOTHING, NOTHING, BODY),  # virtual links of a ball joint
+        (SLIGHT, body(at=(0, 0, 0))),  # moments that are wrong by 5e-11 of all that moves
     ],
-    ids=["disc", "rod", "point", "virtual links"],
+    ids=["disc", "rod", "point", "virtual links", "slight"],
 )
 def test_flat_thin_and_missing_bodies_are_sound_where_mass_moves(bodies):
     leg = kd.Leg.from_model(chain(*bodies), "toe")
@@ -58,6 +60,7 @@ UNSOUND = {
     "moments of no mass": ((body(mass=0.0), BODY), "'j0' .*mass 0 kg"),
     "nothing at the end": ((NOTHING, BODY, NOTHING, NOTHING), r"'j2' .*\(mass 0 kg\), as do j3"),
     "triangle": ((body(moments=(0.1, 0.1, 0.21)),), "'j0' .*0.1, 0.1, 0.21.*triangle"),
+    "slight": ((body(at=(0, 0, 0)), SLIGHT), "'j1' .*triangle"),
     "two triangles": ((BODY, body(moments=(0.1, 0.1, 0.5)), body(moments=(0.1, 0.1, 0.4))),
                       "'j1' .*0.1, 0.1, 0.5 .*as do j2"),
     "on its axis": ((BODY, ON_AXIS), "j1; .*locked={'j1': 0}"),

@@ -11,6 +11,8 @@ from tolerances import agrees, closed_form
 import kickdyn as kd
 from kickdyn.robot.standing import (
     StandingRobot,
+    _faces,
+    _levelled,
     hold_support,
     lock_idle_mimics,
     sole_edges,
@@ -138,6 +140,18 @@ def test_a_foot_that_is_tilted_with_joints_at_0_is_turned_level(tmp_path, sole):
     base = pin.Quaternion(standing.robot_state(q, np.zeros(leg.nv))[0][3:7]).toRotationMatrix()
     trunk = data.oMi[leg.model.getJointId(standing.trunk_joint)].rotation
     assert trunk @ standing.trunk_axis == pytest.approx(base[:, 2], abs=1e-6)
+
+
+def test_a_foot_stands_on_its_largest_face_within_30_degrees_of_the_ground(tmp_path):
+    sizes, degrees = np.array([0.2, 0.08, 0.3]), np.radians([5.0, 25.0, 35.0])
+    robot = biped(tmp_path, VISUAL.format(0, 0, -0.05, '<box size="0.2 0.08 0.3"/>'))
+    normals, areas = _faces(robot, robot.model.getFrameId("left"))
+    axes = np.abs(normals).argmax(axis=1)
+    assert set(axes) == {0, 1, 2}
+    agrees(areas, np.prod(sizes) / sizes[axes], 1e-9)
+    tilted = np.column_stack([np.sin(degrees), np.zeros(3), -np.cos(degrees)])
+    level = _levelled(np.eye(3), tilted, np.array([1.0, 2.0, 3.0]))
+    agrees(level @ tilted[1], [0.0, 0.0, -1.0], closed_form())
 
 
 def test_a_supported_foot_stays_while_the_joints_move():

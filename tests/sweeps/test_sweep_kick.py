@@ -17,7 +17,7 @@ from kickdyn.sweeps.sweep_kick import (
     speed_use,
 )
 
-LEG = kd.Leg.human()
+LEG, G1 = kd.Leg.human(), kd.Leg.from_robot("g1", base="fixed", legs_only=True)
 POSTURE = LEG.posture(np.radians([40, 30, -20]))
 
 
@@ -86,6 +86,21 @@ def test_the_slowest_joint_velocity_is_proportional_to_the_foots(scale):
     agrees(slowest_joint_velocity(POSTURE, scale * wish) / scale, v, optimized(1e-9))
     two = sorted(abs(v) / LEG.velocity_limit)[1:]  # in a plane all joints but one at their limit
     assert two == pytest.approx(2 * [speed_use(POSTURE, v)], rel=optimized(1e-9))
+
+
+def test_the_foot_moves_exactly_where_a_linear_programme_is_not_exact():
+    """HiGHS ignores levers below 1e-9, and 1e-8 of motion by a joint that may not move."""
+    wish = np.array([0.8, 0.1, -0.5])
+    for posture in (G1.posture(np.full(G1.nq, 1e-9)), G1.posture(np.full(G1.nq, 3e-8))):
+        v = slowest_joint_velocity(posture, wish)
+        agrees(posture.point_velocity(v), wish, closed_form())
+        assert speed_use(posture, v) < 0.9 * speed_use(posture, posture.joint_velocity(wish))
+    posture = limited(LEG, [0, 0, 10]).posture(np.radians([40, 30, -20]))
+    by_ankle = posture.jacobian[:, 2]
+    wish = by_ankle + 1e-8 * np.cross(by_ankle, [0, 1, 0])
+    v = slowest_joint_velocity(posture, wish)
+    agrees(posture.point_velocity(v), wish, closed_form())
+    assert speed_use(posture, v) == math.inf
 
 
 @pytest.mark.parametrize(

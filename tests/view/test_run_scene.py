@@ -16,7 +16,7 @@ def test_a_simulated_run_is_beside_the_plan_at_the_same_times(hits):
     plan = planned_motions.swinging()
     motion, start, leg = plan.motion, plan.impact.ball_before.position, plan.impact.posture.leg
     t, ahead = np.linspace(motion.begin, motion.end, 300), np.array([5.0, 0.0, 0.0])
-    after = kd.BallState(start + 0.1 * np.eye(3)[0], (9.0, 1.0, 5.0), time=0.02)
+    after = kd.BallState(start + 0.1 * np.eye(3)[0], (9.0, 1.0, 8.0), time=0.02)
     run = SimpleNamespace(
         plan=plan, t=t, q=np.array([motion.q(time) + 0.05 for time in t]), summary="",
         ball_position=start + np.outer(np.maximum(t, 0.0), ahead), ball_after=after,
@@ -38,7 +38,7 @@ def test_a_simulated_run_is_beside_the_plan_at_the_same_times(hits):
     assert ("run/curve" in scene.objects) is hits
     if hits:
         agrees(scene.curve("run/curve")[-1] - offset, run.path.landing.position, 10 * SINGLE)
-        assert pace.times[-1] >= run.path.duration
+        assert pace.times[-1] == pytest.approx(after.time + run.path.duration)
 
 
 def test_a_motion_alone():

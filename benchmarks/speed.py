@@ -92,22 +92,24 @@ def readme_table(stored: dict[str, Any]) -> str:
     """Return the table of README.md."""
     figures, lines = (
         stored["functions"],
-        ["| Computation | Time | Over `impulseDynamics` |", "|---|---:|---:|"],
+        ["| Computation | Time | Rows alike | Over `impulseDynamics` |", "|---|---:|---:|---:|"],
     )
     for what, name in README_ROWS:
         seconds = figures[name]["seconds"]
         ratio = seconds / figures[BARE]["seconds"]
         least = float(f"{max(ratio, 1.0 / ratio):.2g}")
         over = f"{least:g}" if ratio > 1.0 else f"1/{least:g}"
-        lines.append(f"| {what} | {shown(seconds)} | {over} |")
+        alike = shown(figures[name]["alike"]) if "alike" in figures[name] else ""
+        lines.append(f"| {what} | {shown(seconds)} | {alike} | {over} |".replace("|  |", "| |"))
     return "\n".join(lines)
 
 
 def page_table(stored: dict[str, Any]) -> str:
     """Return the table of which-function.md."""
     lines = [
-        "| Question | Function | Error by rounding and integration | Cost | First use |",
-        "|---|---|---|---:|---:|",
+        "| Question | Function | Error by rounding and integration | Cost | Rows alike "
+        "| First use |",
+        "|---|---|---|---:|---:|---:|",
     ]
     for question, call, name, error in PAGE_ROWS:
         figure = stored["functions"][name]
@@ -115,11 +117,9 @@ def page_table(stored: dict[str, Any]) -> str:
         size = f"{figure['rounding']:.0e}".replace("e-0", "e-") if "{}" in error else ""
         given = error.format(size)
         begins = shown(float(f"{first:.1g}")) if first else ""
-        lines.append(
-            f"| {question} | {called} | {given} | {shown(figure['seconds'])} | {begins} |".replace(
-                "|  |", "| |"
-            )
-        )
+        alike = shown(figure["alike"]) if "alike" in figure else ""
+        columns = question, called, given, shown(figure["seconds"]), alike, begins
+        lines.append(f"| {' | '.join(columns)} |".replace("|  |", "| |").replace("|  |", "| |"))
     return "\n".join(lines)
 
 
@@ -141,9 +141,9 @@ def with_table(text: str, table: str) -> str:
 def first_use(name: str) -> float:
     """Return the processor time of the first call of a function in this process [s]."""
     for measured in functions():
-        if measured[0] == name:
+        if measured.name == name:
             began = time.process_time()
-            measured[1]()
+            measured.run()
             return time.process_time() - began
     raise KeyError(name)
 
@@ -194,8 +194,9 @@ def measure() -> dict[str, Any]:
     save_figure(cost_figure(rows), str(PICTURE))
     for row in rows:
         figures[row.function] = {"seconds": row.seconds}
-        if row.rounding == row.rounding:
-            figures[row.function]["rounding"] = row.rounding
+        for key, value in (("rounding", row.rounding), ("alike", row.seconds_alike)):
+            if value == value:
+                figures[row.function][key] = value
     figures["plan_kick"] = {"seconds": planned()}
     figures |= mujoco_figures()
     for name in COMPILED:

@@ -8,7 +8,8 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -68,11 +69,12 @@ class FunctionCost:
 
     Attributes:
         function: its name.
-        seconds: processor time of one answer; of many, of one row.
+        seconds: processor time of one answer; of many, of one row of a mixture.
         is_batch: whether that is one of `ROWS` rows or more in a batch.
         rounding: relative error by rounding and integration; nan where it has none of its own.
         model: relative distance from `collide` with a contact of 10 ms, by neglecting its time, and
             of Pinocchio's function also friction; nan where it does not apply.
+        seconds_alike: processor time of a row if all are the same kick; nan for single answers.
     """
 
     function: str
@@ -80,6 +82,7 @@ class FunctionCost:
     is_batch: bool
     rounding: float
     model: float
+    seconds_alike: float = math.nan
 
 
 def kick(friction: float) -> Impact:
@@ -107,9 +110,17 @@ def measure_functions(report: Callable[[str], None] = lambda _: None) -> list[Fu
     """Measure every function; `report` is called with each name."""
     rows = []
     for measured in functions():
-        name, run, count, rounding, model = measured
-        report(name)
-        rows.append(FunctionCost(name, _seconds(run) / count, count > 1, rounding(), model))
+        report(measured.name)
+        seconds, alike = (
+            _seconds(run) / measured.rows if run else math.nan
+            for run in (measured.run, measured.run_alike)
+        )
+        rows.append(
+            FunctionCost(
+                measured.name, seconds, measured.rows > 1, measured.rounding(), measured.model,
+                alike,
+            )
+        )  # fmt: skip
     return rows
 
 
@@ -132,8 +143,39 @@ def _gap(answer: Any, exact: Any) -> float:
     return float(np.linalg.norm(np.subtract(answer, exact)) / np.linalg.norm(exact))
 
 
-Measured = tuple[str, Callable[[], object], int, Callable[[], float], float]
-"""Name, call, number of its rows, function of the error by rounding, error of the model."""
+class Measured(NamedTuple):
+    """A function that is measured.
+
+    Attributes:
+        name: its name.
+        run: the call; of a batch, with a mixture of rows.
+        rows: their number.
+        rounding: function of the relative error by rounding and integration.
+        model: relative error of the model.
+        run_alike: the call of a batch whose rows are all the same kick.
+    """
+
+    name: str
+    run: Callable[[], object]
+    rows: int
+    rounding: Callable[[], float]
+    model: float
+    run_alike: Callable[[], object] | None = None
+
+
+def mixture(q: Array, v: Array) -> tuple[Array, Array]:
+    """Return q and v of `ROWS` strikes: a third each stick, slip and miss; the last row is given.
+
+    The velocities are drawn, those of slipping and missing in all directions.
+    """
+    draw, third, leg = np.random.default_rng(0), ROWS // 3, Leg.human()
+    drawn = draw.normal(0.0, math.hypot(*v) / math.sqrt(len(v)), (10 * ROWS, len(v)))
+    contact = Contact((math.cos(ATTACK), 0.0, math.sin(ATTACK)), 0.8, FRICTION)
+    status = strike_many(leg, np.tile(q, (len(drawn), 1)), drawn, Ball.paper(), contact).status
+    chosen = np.concatenate([drawn[status == flag][: third + 1] for flag in range(3)])
+    rows = draw.permutation(chosen)[:ROWS]
+    rows[-1] = v
+    return np.tile(q, (ROWS, 1)), rows
 
 
 def functions() -> Iterator[Measured]:
@@ -152,18 +194,19 @@ def _impacts() -> Iterator[Measured]:
     def joint_impulses() -> Array:
         return strike(leg.posture(q), v, ball, contact).joint_impulses
 
-    yield "strike", joint_impulses, 1, lambda: _gap(impact.impulse, exact), model
+    yield Measured("strike", joint_impulses, 1, lambda: _gap(impact.impulse, exact), model)
     alone = impulse_dynamics(smooth)
-    yield (
+    yield Measured(
         "pin.impulseDynamics, bare", alone, 1, lambda: _gap(alone(), EXACT[0.0]),
         _gap(smooth.impulse, compliant.impulse),
     )  # fmt: skip
-    many = np.tile(q, (ROWS, 1)), np.tile(v, (ROWS, 1))
+    alike, mixed = (np.tile(q, (ROWS, 1)), np.tile(v, (ROWS, 1))), mixture(q, v)
 
-    def strikes() -> Array:
+    def strikes(many: tuple[Array, Array] = mixed) -> Array:
         return strike_many(leg, *many, ball, contact).impulse
 
-    yield "strike_many", strikes, ROWS, lambda: _gap(strikes()[-1], exact), model
+    yield Measured("strike_many", strikes, ROWS, lambda: _gap(strikes()[-1], exact), model,
+                   partial(strikes, alike))  # fmt: skip
     names, steps = leg.joint_names, 0.625 * np.arange(81.0)
     grid = {name: np.radians(low + steps) for name, low in zip(names, (-10, 0, -20), strict=True)}
     angles = {f"{name}_deg": angle for name, angle in zip(names, ANGLES, strict=True)}
@@ -174,45 +217,54 @@ def _impacts() -> Iterator[Measured]:
         chosen = data.swap_dims({name: f"{name}_deg" for name in names})
         return abs(float(chosen.sel(angles, method="nearest").impulse) / math.hypot(*exact) - 1.0)
 
-    yield "sweep", lambda: sweep(leg, grid, setting, threads=1), 81**3, of_sweep, model
+    yield Measured("sweep", lambda: sweep(leg, grid, setting, threads=1), 81**3, of_sweep, model)
     default = collide(impact.posture, v, ball, contact)
-    yield (
+    yield Measured(
         "collide", lambda: collide(leg.posture(q), v, ball, contact), 1,
         lambda: _gap(default.impulse, compliant.impulse), math.nan,
     )  # fmt: skip
 
-    def contacts() -> Array:
+    def contacts(many: tuple[Array, Array] = mixed) -> Array:
         return collide_many(leg, *many, ball, contact).impulse
 
-    yield (
-        "collide_many", contacts, ROWS, lambda: _gap(contacts()[-1], compliant.impulse), math.nan
+    yield Measured(
+        "collide_many", contacts, ROWS, lambda: _gap(contacts()[-1], compliant.impulse), math.nan,
+        partial(contacts, alike),
     )  # fmt: skip
 
 
 def _flights() -> Iterator[Measured]:
     impact, air = kick(FRICTION), Air()
     ball, launch = impact.ball, impact.ball_after
-    states = BallState(*(np.tile(vector, (ROWS, 1)) for vector in
-                         (launch.position, launch.velocity, launch.spin)))  # fmt: skip
+    alike = BallState(*(np.tile(vector, (ROWS, 1)) for vector in
+                        (launch.position, launch.velocity, launch.spin)))  # fmt: skip
+    draw = np.random.default_rng(0)
+    velocity, spin = (
+        draw.uniform((5, -5, -2), (30, 5, 15), (ROWS, 3)),
+        draw.normal(0, 30, (ROWS, 3)),
+    )
+    velocity[-1], spin[-1] = launch.velocity, launch.spin
+    mixed = BallState(launch.position, velocity, spin)
     start = launch.position
     landing = fly(launch, ball, air, tol=1e-13).landing.position - start
     rest = follow(launch, ball, air, tol=1e-13).rest.position - start
-    yield (
+    yield Measured(
         "fly", lambda: fly(launch, ball, air), 1,
         lambda: _gap(fly(launch, ball, air).landing.position - start, landing), math.nan,
     )  # fmt: skip
-    yield (
-        "fly_many", lambda: fly_many(states, ball, air), ROWS,
-        lambda: _gap(fly_many(states, ball, air).landing_position.values[-1] - start, landing),
-        math.nan,
+    yield Measured(
+        "fly_many", lambda: fly_many(mixed, ball, air), ROWS,
+        lambda: _gap(fly_many(mixed, ball, air).landing_position.values[-1] - start, landing),
+        math.nan, lambda: fly_many(alike, ball, air),
     )  # fmt: skip
-    yield (
+    yield Measured(
         "follow", lambda: follow(launch, ball, air), 1,
         lambda: _gap(follow(launch, ball, air).rest.position - start, rest), math.nan,
     )  # fmt: skip
-    yield (
-        "follow_many", lambda: follow_many(states, ball, air), ROWS,
-        lambda: _gap(follow_many(states, ball, air).position.values[-1] - start, rest), math.nan,
+    yield Measured(
+        "follow_many", lambda: follow_many(mixed, ball, air), ROWS,
+        lambda: _gap(follow_many(mixed, ball, air).position.values[-1] - start, rest), math.nan,
+        lambda: follow_many(alike, ball, air),
     )  # fmt: skip
     kicked = impact.posture, impact.v_before, ball, impact.contact
     scene = Scene(*kicked, air=air, law=Compliance(contact_time=0.01), uncertainty={"v": 0.1})
@@ -222,8 +274,8 @@ def _flights() -> Iterator[Measured]:
     def of_simulation() -> float:
         return _gap(simulate(calm).end.position - reference.launch.position, length)
 
-    yield "simulate", lambda: simulate(calm), 1, of_simulation, math.nan
-    yield (
+    yield Measured("simulate", lambda: simulate(calm), 1, of_simulation, math.nan)
+    yield Measured(
         "simulate_many", lambda: simulate_many(scene, ROWS), ROWS, lambda: math.nan, math.nan
     )  # fmt: skip
 

@@ -87,7 +87,7 @@ ball [m], speed of approach [m/s], energy lost [J]; velocity of each joint, and 
 angular impulse in each joint, in its frame."""
 
 STICK, SLIDE, PARTING, ANEW = 0.0, 1.0, 2.0, 3.0
-"""Flags of an answer: points stick, or slip, foot and ball move apart, or the strike is to be
+"""Flags of an answer: points stick, or slip, foot and ball do not approach, or the strike is to be
 computed anew."""
 
 LEAST_APPROACH, FASTEST = 1e-12, 1e100
@@ -225,7 +225,7 @@ def strike_batch(tree, frames, senses, task, given, g, memory):  # type: ignore[
     sound = (state.doubt == 0.0) & (magnitude(state.energy_lost) < math.inf)
     speed = 0.0 - u3
     sound = sound & (speed > LEAST_APPROACH)
-    parting = (u3 > LEAST_APPROACH) & (u3 < FASTEST) & (doubt == 0.0)
+    parting = ((u3 > LEAST_APPROACH) | (u3 == 0.0)) & (u3 < FASTEST) & (doubt == 0.0)
     result[width] = choose(parting, PARTING, choose(sound, SLIDE - lanes.sticks, ANEW))
     for k in range(1, n):
         result[FIRST + k - 1] = senses[k] * (row_of[nv + k - 1] + bodies[k].jump)

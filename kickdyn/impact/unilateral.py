@@ -135,7 +135,6 @@ def unilateral_strike(
         approach,
         impact_law.name,
         solution,
-        ball_body.after(solution.impulses, solution.tangential_impulses),
         {foot.name: read_only((foot.jacobian @ jump).reshape(-1, 3)) for foot in feet},
         response=response,
     )

@@ -93,8 +93,10 @@ class ContactProblem(NamedTuple):
 
     def delassus(self, axes: Array) -> Array:
         """Return G in contact axes, shape `(3 k, 3 k)` [1/kg]; `axes` is `(k, 3, 3)`."""
-        first, *further = (body.delassus(axes) for body in self.bodies)
-        return np.asarray(sum(further, first))
+        total = self.bodies[0].delassus(axes)
+        for body in self.bodies[1:]:
+            total = total + body.delassus(axes)
+        return total
 
 
 class Solution(NamedTuple):
@@ -126,9 +128,13 @@ def solution_in_world(
     residual: float = 0.0,
 ) -> Solution:
     """Return the solution of impulses in contact axes, shape `(3 k,)`; `axes` is `(k, 3, 3)`."""
-    along_axes = axes * impulses.reshape(-1, 1, 3)  # `@` takes twice as long on so few numbers
-    tangential = along_axes[..., 0] + along_axes[..., 1]
-    return Solution(tangential + along_axes[..., 2], sticking, energy_lost, tangential, residual)
+    if len(axes) == 1:  # several take twice as long
+        tangential = axes[0, :, :2].dot(impulses[:2])[None]
+        normal = (axes[0, :, 2] * impulses[2])[None]
+    else:
+        along_axes = axes * impulses.reshape(-1, 1, 3)
+        tangential, normal = along_axes[..., 0] + along_axes[..., 1], along_axes[..., 2]
+    return Solution(tangential + normal, sticking, energy_lost, tangential, residual)
 
 
 @dataclass(frozen=True)

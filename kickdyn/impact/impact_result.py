@@ -36,13 +36,12 @@ RESIDUAL_ROUNDING = 1e-14
 class Impact(AfterApproach):
     """The result of a strike, with residuals by which it can be checked.
 
-    The motion of the leg after the impact is computed when it is first read, and then stored.
+    Motion after the impact is computed when it is first read, and then stored.
 
     Attributes:
         approach: leg and ball just before the impact.
         law: name of the impact law.
         solution: the impulse that the law returned.
-        ball_after: state of the ball just after the impact.
         response: response of the leg, where it was computed together with the impulse; None where
             it follows from the impulse.
     """
@@ -50,8 +49,16 @@ class Impact(AfterApproach):
     approach: Approach
     law: str
     solution: Solution
-    ball_after: BallState
     response: LegResponse | None = field(default=None, kw_only=True)
+    _ball_after: BallState | None = field(default=None, kw_only=True)
+
+    @cached_property
+    def ball_after(self) -> BallState:
+        """State of the ball just after the impact."""
+        if self._ball_after is not None:
+            return self._ball_after
+        solution = self.solution
+        return self.approach.ball_body().after(solution.impulses, solution.tangential_impulses)
 
     @cached_property
     def impulse(self) -> Array:

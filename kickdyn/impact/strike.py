@@ -72,7 +72,6 @@ def strike(
     if validation.choice("engine", engine, ImpactEngine) is ImpactEngine.CLOSED_FORM:
         problem = approach.contact_problem()
         solution = solve_contacts(problem, impact_law)
-        ball_after = approach.ball_body().after(solution.impulses, solution.tangential_impulses)
-        return Impact(approach, impact_law.name, solution, ball_after)
+        return Impact(approach, impact_law.name, solution)
     solution, ball_after, response = solve_by_pinocchio(approach, impact_law)
-    return Impact(approach, impact_law.name, solution, ball_after, response=response)
+    return Impact(approach, impact_law.name, solution, response=response, _ball_after=ball_after)

@@ -76,3 +76,15 @@ def test_items_count_corrections_and_have_the_errors_of_the_first_flight():
         assert f"{launch.speed:.4f} m/s, {np.degrees(launch.angle):.4f} deg" in planner.why
     assert counts == sorted(counts)
     assert counts[0] < counts[-1]
+
+
+@pytest.mark.parametrize(
+    ("goals", "reproduced", "words"),
+    [(fig_15.GOALS[1::-1], [False, False], "not more"),  # the nearer one comes last
+     (((1000.0, 5.0, 1), fig_15.GOALS[0]), [False, True], "more")],  # faster than sound
+)  # fmt: skip
+def test_goals_must_be_met_and_farther_ones_need_more_rounds(goals, reproduced, words, monkeypatch):
+    monkeypatch.setattr(fig_15, "GOALS", goals)
+    items = fig_15.varying(fig_15.DEFAULT)
+    assert [item.verdict == "shape-reproduced" for item in items] == reproduced
+    assert all(f"farther goals need {words} rounds" in item.why for item in items)

@@ -52,6 +52,26 @@ def test_each_draw_is_a_simulation(name, law):
         assert many.duration[i] == pytest.approx(path.duration, abs=1e-3)
 
 
+def rising(z):
+    return 0.0, 0.0, 80.0 if z > -0.6 else 0.0
+
+
+def test_draws_without_an_impact_and_paths_without_an_end_have_no_end():
+    """A foot that moves away from the ball, and a wind that carries higher balls away."""
+    scene = kd.load_scene("paper_kick").replace(uncertainty={"v": 4.0}, air=kd.Air(wind=rising))
+    many, statuses = kd.simulate_many(scene, 12), []
+    for drawn in drawn_scenes(scene, 12, 0):
+        try:
+            statuses.append(fly_scene(drawn, strike_scene(drawn).ball_after).status)
+        except kd.NoImpact:
+            statuses.append("no-impact")
+    assert set(statuses) == {"landed", "aloft", "no-impact"}
+    assert many.status.tolist() == statuses
+    ends = np.isfinite(many.end).all(axis=1)
+    assert ends.tolist() == [status == "landed" for status in statuses]
+    agrees(many.mean, many.end[ends].mean(axis=0), closed_form())
+
+
 def test_each_draw_of_a_contact_that_takes_time_is_a_simulation():
     law, tolerance = Compliance(contact_time=0.008), 0.05
     scene = kd.load_scene("free_kick").replace(law=law, uncertainty={"restitution": 0.04})

@@ -47,13 +47,9 @@ def test_newton_meets_the_goals_in_few_steps(goal):
 
 @pytest.mark.parametrize(
     ("goal", "air"),
-    [
-        ((1000, 5), kd.Air()),
-        ((60, 6), kd.Air(wind=(-30, 0, 0))),
-        ((1, 1), kd.Air(wind=(0, 0, 60))),
-    ],
+    [((1000, 5), kd.Air()), ((60, 6), kd.Air(wind=(-30, 0, 0))), ((1, 1), kd.Air(wind=(0, 0, 60)))],
     ids=["faster than sound", "too many rounds", "a flight that does not land"],
-)
+)  # fmt: skip
 def test_the_loop_ends_where_it_does_not_meet_the_goal(goal, air):
     rounds = learn_launch(*goal, kd.Ball(), air)
     assert not any(step.is_met for step in rounds)
@@ -63,16 +59,26 @@ def test_the_loop_ends_where_it_does_not_meet_the_goal(goal, air):
 
 def test_items_count_corrections_and_have_the_errors_of_the_first_flight():
     """The paper's numbers of rounds are the ends of its figure's axes: 3, 8, 25."""
-    items, counts = {item.item: item for item in fig_15.items()}, []
+    items = {item.item: item for item in fig_15.items()}
     for (distance, time), printed in zip(GOALS, (3, 8, 25), strict=True):
         goal = f"Fig. 13-15 {distance:g} m, {time:g} s"
         rounds = learn_launch(distance, time, BALL, AIR)
         loop, planner = items[f"{goal} learning loop rounds"], items[f"{goal} planner steps"]
-        counts.append(len(rounds) - 1)
-        assert (loop.paper, loop.ours, loop.verdict) == (printed, counts[-1], "shape-reproduced")
+        count = len(rounds) - 1
+        assert (loop.paper, loop.ours, loop.verdict) == (printed, count, "shape-reproduced")
         assert f"{rounds[0].distance_error:.2f} m and {rounds[0].time_error:.3f} s" in loop.why
         launch = kd.plan_launch(kd.Goal(distance, time=time), BALL, AIR)
         assert (planner.paper, planner.ours, planner.verdict) == (None, launch.iterations, "ours")
         assert f"{launch.speed:.4f} m/s, {np.degrees(launch.angle):.4f} deg" in planner.why
-    assert counts == sorted(counts)
-    assert counts[0] < counts[-1]
+
+
+@pytest.mark.parametrize(
+    ("goals", "reproduced", "words"),
+    [(fig_15.GOALS[1::-1], [False, False], "not more"),  # the nearer one comes last
+     (((1000.0, 5.0, 1), fig_15.GOALS[0]), [False, True], "more")],  # faster than sound
+)  # fmt: skip
+def test_goals_must_be_met_and_farther_ones_need_more_rounds(goals, reproduced, words, monkeypatch):
+    monkeypatch.setattr(fig_15, "GOALS", goals)
+    items = fig_15.varying(fig_15.DEFAULT)
+    assert [item.verdict == "shape-reproduced" for item in items] == reproduced
+    assert all(f"farther goals need {words} rounds" in item.why for item in items)

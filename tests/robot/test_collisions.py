@@ -117,12 +117,7 @@ def test_the_nearest_point_of_a_body_and_its_normal(tmp_path, ahead):
 @pytest.mark.parametrize(
     ("axis", "place", "size", "counts"),
     [
-        (
-            "1 0 0",
-            "0.02 0.03 0",
-            "0.3 0.3 0.1",
-            False,
-        ),  # axes that cross, bodies around the crossing
+        ("1 0 0", "0.02 0.03 0", "0.3 0.3 0.1", False),  # axes that cross within the bodies
         ("1 0 0", "0 0 -0.02", "0.3 0.3 0.1", True),  # axes 2 cm apart
         ("0 1 0", "0 0 0", "0.3 0.3 0.1", True),  # parallel axes
         ("1 0 0", "0 0 0", "0.01 0.01 0.01", True),  # a shape that is far from the crossing

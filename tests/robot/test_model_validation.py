@@ -10,10 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
-from kickdyn.robot.model_validation import (
-    check_model,
-    cholesky_with_condition,
-)
+from kickdyn.robot.model_validation import check_model, cholesky_with_condition
 
 
 def body(mass=1.0, moments=(0.1, 0.1, 0.05), at=(0.1, 0.2, 0.3)):

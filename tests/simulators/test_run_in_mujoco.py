@@ -85,10 +85,8 @@ def test_each_kind_of_noise_reaches_the_simulation(plan, run):
     agrees(exact.ball_after.velocity, run.ball_after.velocity, 1e-12)
     for name, amount in (("mass", 0.1), ("friction", 0.3), ("delay", 0.02), ("place", 0.01)):
         noise = replace(silent, **{name: amount})
-        noisy, drawn = (
-            kd.run_in_mujoco(plan, tuning=run.tuning, seed=1, noise=noise),
-            draw(noise, 1, 3),
-        )
+        noisy = kd.run_in_mujoco(plan, tuning=run.tuning, seed=1, noise=noise)
+        drawn = draw(noise, 1, 3)
         change = np.linalg.norm(noisy.ball_after.velocity - run.ball_after.velocity)
         assert change > 1e-4, name
         if name == "delay":  # in steps of 2 ms
@@ -145,8 +143,6 @@ def test_noisy_runs_are_those_of_the_seeds_with_one_contact(plan, run):
     assert noisy.runs[1].ball_after.velocity.tolist() == alone.ball_after.velocity.tolist()
     assert noisy.runs[0].speed_error != noisy.runs[1].speed_error
     assert {one.tuning for one in noisy.runs} == {run.tuning}
-    assert noisy.upright == sum(result.upright for result in noisy.runs)
-    assert noisy.launch_errors[:, 0] == pytest.approx([one.speed_error for one in noisy.runs])
 
 
 def test_corrections_learn_how_the_ball_answers(plan, monkeypatch):

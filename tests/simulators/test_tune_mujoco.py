@@ -10,7 +10,7 @@ import pytest
 import kickdyn as kd
 from kickdyn.impact.approach import find_approach
 from kickdyn.simulators import mujoco_fit
-from kickdyn.simulators.mujoco_fit import closed_form_contact, find_goals, kick_cases
+from kickdyn.simulators.mujoco_fit import closed_form_contact, kick_cases
 from kickdyn.simulators.mujoco_kick import MujocoContact, MujocoKick, damping_ratio
 
 mujoco = pytest.importorskip("mujoco")
@@ -77,13 +77,11 @@ def test_kicks_around_the_tuned_one_are_those_of_collide():
 
 
 def test_the_contact_of_the_best_score_is_chosen(monkeypatch):
-    """One with half the accepted errors at most ends the search; a shape may have no fit."""
+    """A shape may have no fit."""
     monkeypatch.setattr(mujoco_fit, "SHAPES", mujoco_fit.SHAPES[:3])
     approach = find_approach(POSTURE, V, kd.Ball(), kd.Contact(ALONG, 0.7), (0, 0, 0), (0, 0, 0))
     case = mujoco_fit.KickCase("", approach, approach.ball_before, 0.0)
-    for scores, best in (
-        ([(1.5, 2), (1.2, 3), (1.2, 4)], 1), ([(1, 2), None, (1, 0.9)], 2), ([(1, 0.4)], 0),
-    ):  # fmt: skip
+    for scores, best in (([(1.5, 2), (1.2, 3), (1.2, 4)], 1), ([(1, 2), None, (1, 0.4)], 2)):
         fits = [score and mujoco_fit.FittedContact(score, *4 * [None]) for score in scores]
         left = iter(fits)
         monkeypatch.setattr(mujoco_fit, "fit_contact", lambda *_, left=left: next(left))
@@ -114,11 +112,9 @@ def test_the_errors_are_those_of_the_scene(tuned):
     instant = kd.strike(POSTURE, V, kd.Ball(), contact).ball_after.velocity
     apart = np.linalg.norm(right - instant) / np.linalg.norm(instant)
     assert tuned.errors[-1].velocity == pytest.approx(apart, abs=1.1 * tuned.errors[0].velocity)
-    assert tuned.goals == find_goals(tuned.errors[:-1], 0.03)
     around = max(error.speed for error in tuned.errors if error.change.startswith("speed x"))
-    assert [goal.error for goal in tuned.goals] == [
-        tuned.errors[0].speed, tuned.errors[0].direction, around,
-    ]  # fmt: skip
+    first = tuned.errors[0]
+    assert [goal.error for goal in tuned.goals] == [first.speed, first.direction, around]
     assert [goal.limit for goal in tuned.goals] == [0.03, pytest.approx(math.radians(1)), 0.06]
 
 
@@ -143,8 +139,6 @@ def test_two_milliseconds_are_small_enough(e, friction):
     """With friction the foot moves 30 degrees from the normal, and the ball slides first."""
     result = tune(e, friction, ALONG if friction == 0 else (1, 0, 0))
     assert result.within_tolerance
-    assert result.errors[0].speed < 0.03
-    assert all(error.speed < 0.06 for error in result.errors[:5])
     if friction:
         assert (result.condim, result.margin > 0) == (3, True)
         assert 0.5 * friction < result.friction < 2 * friction

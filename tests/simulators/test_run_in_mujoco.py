@@ -153,7 +153,7 @@ def test_corrections_learn_how_the_ball_answers(plan, monkeypatch):
 
     def replan(plan, velocity):
         after = replace(plan.impact.ball_after, velocity=velocity)
-        return replace(plan, impact=replace(plan.impact, ball_after=after))
+        return replace(plan, impact=replace(plan.impact, _ball_after=after))
 
     def observed(plan, by):
         change = plan.impact.ball_after.velocity - first

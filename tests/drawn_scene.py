@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import umsgpack
 from scipy.spatial.transform import Rotation
-from tolerances import agrees
+from tolerances import agrees, closed_form
 
 SINGLE = 1e-6
 """Relative rounding of what goes through a page."""
@@ -76,7 +76,7 @@ class DrawnScene:
             (self.pose(node) @ (0, side * self.shape(node)["height"], 0, 1))[:3]
             for node in (f"{path}/shaft", f"{path}/head") for side in (-0.5, 0.5)
         ]  # fmt: skip
-        np.testing.assert_allclose(ends[1], ends[2], atol=1e-9)
+        agrees(ends[1], ends[2], closed_form(1e4))
         assert self.shape(f"{path}/head")["radiusTop"] == 0
         return ends[0], ends[3] - ends[0]
 
@@ -108,5 +108,5 @@ def check_joints(scene, node, leg, q, frame=None, offset=(0.0, 0.0, 0.0)):
 def in_the_picture(slopes):
     """Raise unless slopes are in a picture of 16 by 9, beside the caption at its left."""
     half = np.tan(np.radians(22.0))
-    assert (slopes > (-0.76 * half - 1e-9, -half)).all()
+    assert (slopes > (-0.76 * half - closed_form(), -half)).all()
     assert (slopes < (16 / 9 * half, half)).all()

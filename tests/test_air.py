@@ -19,7 +19,7 @@ ATMOSPHERE = [(0, 288.15, 101_325, 1.2250), (2000, 275.154, 79_501, 1.0066),
 @pytest.mark.parametrize(("altitude", "kelvin", "pressure", "density"), ATMOSPHERE)
 def test_air_at_an_altitude(altitude, kelvin, pressure, density):
     air = kd.Air.at(altitude)
-    assert air.density == pytest.approx(density, rel=1e-4)
+    assert air.density == pytest.approx(density, rel=1e-4)  # digits of the tables
     assert air.viscosity == pytest.approx(viscosity_of(kelvin), rel=1e-5)
     same = kd.Air.at(0, kelvin - 273.15, pressure)
     assert same.density == pytest.approx(density, rel=1e-4)

@@ -32,7 +32,7 @@ def test_the_default_inertia_is_that_of_a_thin_shell():
     """Rings of mass m/2 sin(a) da lie at the distance r sin(a) from the axis."""
     ball = kd.Ball(mass=0.3, radius=0.2)
     rings, _ = quad(lambda a: 0.15 * math.sin(a) * (0.2 * math.sin(a)) ** 2, 0, math.pi)
-    assert ball.inertia == pytest.approx(rings, rel=1e-12)
+    assert ball.inertia == pytest.approx(rings, rel=closed_form(10))
 
 
 def test_the_default_ball_is_within_law_2_and_the_paper_s_is_of_table_3():
@@ -47,7 +47,7 @@ def test_the_stiffness_is_the_slope_of_pressure_times_flattened_area():
     """The plate cuts off a circle with a^2 = 2 R d - d^2; Dowell & Krebs 1991 measured 2.80 mm."""
     ball, d = kd.Ball(pressure=80e3), 1e-6
     force = 80e3 * math.pi * (2 * ball.radius * d - d * d)
-    assert ball.stiffness == pytest.approx(force / d, rel=1e-5)
+    assert ball.stiffness == pytest.approx(force / d, rel=d / ball.radius)
     assert 1e3 * math.sqrt(ball.mass / ball.stiffness) == pytest.approx(2.80, rel=0.01)
 
 

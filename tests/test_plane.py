@@ -92,9 +92,9 @@ def test_the_part_of_the_ball_that_counts_is_on_the_plane(air, part, x):
     path, free = (kd.fly(state, BALL, air, tol=1e-12, plane=p) for p in (plane, None))
     here = free.sample(path.duration)
     assert path.status == "at-plane"
-    assert path.landing.position[0] == pytest.approx(x, rel=1e-13)
-    assert path.landing.position == pytest.approx(here.position, abs=1e-8)
-    assert path.landing.velocity == pytest.approx(here.velocity, abs=1e-8)
+    assert path.landing.position[0] == pytest.approx(x, rel=closed_form())
+    agrees(path.landing.position, here.position, integrated(1e-12))
+    agrees(path.landing.velocity, here.velocity, integrated(1e-12))
 
 
 @every_air

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from one_of_each import MADE, one
 from shown_numbers import numbers_of
+from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.core.representation import ReprMixin
@@ -134,7 +135,7 @@ def test_a_row_shows_its_number_in_its_unit(name):
         numbers = numbers_of(text)
         assert len(numbers) >= len(right), f"{row}: {text}"
         for number, value in zip(numbers, right.tolist(), strict=False):
-            unit_of_rounding = max(number.last, 1e-12 * np.abs(right).max())
+            unit_of_rounding = max(number.last, closed_form(10) * np.abs(right).max())
             assert number.value == pytest.approx(value, abs=0.51 * unit_of_rounding), (row, text)
         compared += 1
     assert compared or name in ("scene", "motion", "leg motion")

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.robot.urdf_file import shipped_urdf
@@ -102,7 +103,7 @@ def test_limits_are_derived_as_the_header_says(name):
     leg, _, effort, velocity, digits = LEGS[name]
     assert leg.joint_names == tuple(RANGE_DEG)
     for joint, span in RANGE_DEG.items():
-        assert leg.joint_range(joint) == pytest.approx(np.radians(span), rel=1e-12)
+        assert leg.joint_range(joint) == pytest.approx(np.radians(span), rel=closed_form(10))
     assert leg.effort_limit == pytest.approx(effort, abs=digits[0])
     assert leg.velocity_limit == pytest.approx(velocity, abs=digits[1])
 
@@ -120,8 +121,8 @@ def test_flexion_is_positive_from_a_straight_leg(name, joint, frame, moves):
     leg = kd.Leg.from_urdf(shipped_urdf(name), frame)
     straight = leg.posture(np.zeros(3))
     velocity = straight.jacobian[:, leg.velocity_index(joint)]
-    assert velocity / np.linalg.norm(velocity) == pytest.approx(moves, abs=1e-14)
+    assert velocity / np.linalg.norm(velocity) == pytest.approx(moves, abs=closed_form())
     if frame == "toe":
         thigh, shank, foot = (limb.length for limb in LEGS[name][1].values())
-        assert straight.contact_point == pytest.approx([foot, 0, -thigh - shank], abs=1e-14)
+        assert straight.contact_point == pytest.approx([foot, 0, -thigh - shank], abs=closed_form())
         assert LEGS[name][0].frame == "toe"

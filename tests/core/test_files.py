@@ -2,13 +2,7 @@
 
 import pytest
 
-from kickdyn.core.files import (
-    check_outputs,
-    check_writable,
-    replacing,
-    shipped,
-    write_json,
-)
+from kickdyn.core.files import check_outputs, check_writable, replacing, shipped, write_json
 from kickdyn.errors import InvalidInput
 
 

@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.core.representation import (
-    ReprMixin,
-    distance_in_words,
-    format_value,
-)
+from kickdyn.core.representation import ReprMixin, distance_in_words, format_value
 
 
 class Named(ReprMixin):

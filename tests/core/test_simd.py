@@ -8,14 +8,7 @@ import pytest
 from tolerances import closed_form
 
 from kickdyn.core.compilation import register_jitable_functions
-from kickdyn.core.lanes import (
-    BATCH,
-    LARGEST_ANGLE,
-    batches,
-    choose,
-    sine_and_cosine,
-    spread,
-)
+from kickdyn.core.lanes import BATCH, LARGEST_ANGLE, batches, choose, sine_and_cosine, spread
 
 register_jitable_functions()
 

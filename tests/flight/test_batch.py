@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from tolerances import integrated
+from tolerances import agrees, integrated
 
 import kickdyn as kd
 from kickdyn.flight import batch
@@ -232,7 +232,7 @@ def test_in_python_the_error_is_that_of_each_flight():
     many = fly_many(states, BALL, AIR, kd.Ground(), 1e-5, error=True)
     for i, error in enumerate(many.error.values):
         one = kd.fly(row_of(states, i), BALL, AIR, kd.Ground(), 1e-5)
-        assert error == pytest.approx(one.error, rel=1e-3), i
+        assert error == pytest.approx(one.error, rel=integrated(1e-5)), i
 
 
 @pytest.mark.usefixtures("way")
@@ -247,8 +247,8 @@ def test_slopes_of_landings_are_those_of_flights_side_by_side(plane):
         time = float(many.duration[i])
         flight = fly_with_launch_slopes(row_of(states, i), BALL, air, time, 1e-12)
         right, _ = flight.slopes_at_plane(normal, time)
-        assert many.landing_by_velocity.values[i] == pytest.approx(right[:, :3], abs=1e-6)
-        assert many.landing_by_spin.values[i] == pytest.approx(right[:, 3:6], abs=1e-7)
+        agrees(many.landing_by_velocity.values[i], right[:, :3], integrated(1e-9))
+        agrees(many.landing_by_spin.values[i], right[:, 3:6], integrated(1e-9))
 
 
 # --- refusals -----------------------------------------------------------------------------------

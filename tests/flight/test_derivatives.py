@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tolerances import integrated
+from tolerances import agrees, differenced, integrated
 
 import kickdyn as kd
 from kickdyn.aerodynamics.coefficient_model import ScaledCoefficient
@@ -15,6 +15,7 @@ LAUNCH = kd.BallState((0.5, -1.0, 0.3), (18.0, 2.0, 9.0), (5.0, -30.0, 20.0))
 GROUND = kd.Plane((0, 0, 0), (0, 0, 1))
 WALL = kd.Plane((15, 0, 0), (-1, 0.2, 0), "centre")
 SIZES = np.array([20.0, 20.0, 20.0, 40.0, 40.0, 40.0, 1.0])
+NEAR = {"rel": differenced(1), "abs": differenced(1)}
 
 
 def by_central_differences(function, sizes, step=1e-4):
@@ -36,9 +37,9 @@ def test_the_flight_is_that_of_fly(air):
     flight = fly_with_launch_slopes(LAUNCH, BALL, air, 1.1)
     times = np.linspace(0.0, 1.1, 7)
     sample, states = kd.fly(LAUNCH, BALL, air, tol=1e-12).sample(times), flight.states(times)
-    assert states[:, :3] + LAUNCH.position == pytest.approx(sample.position, abs=1e-9)
-    assert states[:, 3:6] == pytest.approx(sample.velocity, abs=1e-9)
-    assert states[:, 6:] * LAUNCH.spin == pytest.approx(sample.spin, rel=1e-9)
+    agrees(states[:, :3] + LAUNCH.position, sample.position, integrated(1e-12))
+    agrees(states[:, 3:6], sample.velocity, integrated(1e-12))
+    agrees(states[:, 6:] * LAUNCH.spin, sample.spin, integrated(1e-12))
     assert flight.position(1.1) == pytest.approx(states[-1, :3])
     assert flight.velocity(1.1) == pytest.approx(states[-1, 3:6])
 
@@ -47,7 +48,7 @@ def test_the_flight_is_that_of_fly(air):
 def test_slopes_at_a_time_are_those_of_differences(air):
     right = by_central_differences(lambda change: landing(air, change).sample(0.9).position, SIZES)
     flight = fly_with_launch_slopes(LAUNCH, BALL, air, 1.1)
-    assert flight.slopes(0.9) == pytest.approx(right, rel=1e-5, abs=1e-6)
+    assert flight.slopes(0.9) == pytest.approx(right, **NEAR)
     assert flight.slopes(np.array([0.3, 0.9]))[1] == pytest.approx(flight.slopes(0.9))
 
 
@@ -64,7 +65,7 @@ def test_slopes_at_a_plane_are_those_of_differences(air, plane):
     assert result == pytest.approx(end(np.zeros(7)), rel=integrated(1e-9))
     position, time = flight.slopes_at_plane(plane.normal, flight.end)
     right = by_central_differences(end, SIZES)
-    assert np.vstack([position, time]) == pytest.approx(right, rel=2e-5, abs=1e-6)
+    assert np.vstack([position, time]) == pytest.approx(right, **NEAR)
 
 
 @pytest.mark.parametrize("vacuum", [True, False])
@@ -85,7 +86,7 @@ def test_a_launch_is_any_function_of_parameters(vacuum, central):
     values, sizes = np.array([30.0, 2.0, 0.8, 1.5]), np.array([30.0, 2.0, 1.0, 1.5])
     flight = fly_with_slopes(launch, values, INCREMENT * sizes, BALL, 1.0, central=central)
     right = by_central_differences(end, sizes)
-    assert flight.slopes(1.0) == pytest.approx(right, rel=1e-4, abs=1e-6)
+    assert flight.slopes(1.0) == pytest.approx(right, **NEAR)
 
 
 @pytest.mark.parametrize("air", [kd.Air(drag=None, lift=0.2), kd.Air(drag="brazuca")], ids=str)
@@ -101,7 +102,7 @@ def test_slopes_by_the_spin_of_a_ball_that_does_not_spin(air):
 
     right = by_central_differences(position, 3 * [1e-4], step / 1e-4)
     assert slopes[2, 1] < 0  # back spin, which is negative, lifts the ball
-    assert slopes == pytest.approx(right, abs=1e-4 * np.abs(right).max())
+    agrees(slopes, right, differenced(1))
 
 
 def broken(reynolds, spin_parameter):

@@ -6,17 +6,9 @@ import pickle
 
 import numpy as np
 import pytest
-from chains import (
-    floating_kick,
-    in_units,
-    kinetic_energy,
-    momentum,
-    rails,
-    random_kick,
-    random_leg,
-)
+from chains import floating_kick, in_units, kinetic_energy, momentum, rails, random_kick, random_leg
 from scipy.integrate import solve_ivp
-from tolerances import agrees, integrated
+from tolerances import agrees, closed_form, integrated
 
 import kickdyn as kd
 from kickdyn.impact import compliant_contact
@@ -52,7 +44,7 @@ def test_two_masses(e):
         ("end", float(collision.sample(collision.contact_time).deflection), remaining),
         ("visible", collision.visible_contact_time, 0.009 + remaining / (e * speed)),
     ):
-        assert value == pytest.approx(expected, rel=tolerance, abs=1e-10), name
+        assert value == pytest.approx(expected, rel=tolerance, abs=integrated(1e-12)), name
 
 
 @pytest.mark.parametrize("e", [1.0, 0.3])
@@ -80,7 +72,7 @@ def test_gravity_and_torque_act_meanwhile():
     time, after = collision.contact_time, collision.ball_after
     assert after.velocity[2] == pytest.approx(-9.81 * time, rel=integrated(1e-9))
     assert after.position[2] == pytest.approx(-9.81 / 2 * time**2, rel=integrated(1e-9))
-    assert (after.time, collision.impulse[2]) == (time, pytest.approx(0.0, abs=1e-9))
+    assert (after.time, collision.impulse[2]) == (time, pytest.approx(0.0, abs=closed_form()))
     total = 2.0 * collision.v_after[0] + ball.mass * after.velocity[0]
     assert total == pytest.approx(2.0 * 5.0 + push * time, rel=integrated(1e-9))
 
@@ -164,7 +156,7 @@ def test_energy_is_accounted_for(seed):
         posture, v, ball, contact, stiffness=stiffness, torque=lambda t, q, v: 5 * np.cos(v),
         **options,
     )  # fmt: skip
-    assert collision.energy_residual <= 1e-6
+    assert collision.energy_residual <= integrated(1e-9)
     assert collision.energy_lost > 0
     if seed == 5:
         assert collision.ball_after.spin.tolist() == options["ball_spin"].tolist()
@@ -176,9 +168,9 @@ def test_the_energy_residual_is_the_energy_that_is_missing():
     collision = kd.collide(*kick, ball, kd.Contact(AHEAD, 0.5), tol=1e-3)
     after = 0.5 * (2.0 * collision.v_after[0] ** 2 + ball.mass * collision.ball_after.speed**2)
     missing = abs(0.5 * 2.0 * 9.0**2 - collision.energy_lost - after)
-    energy = 0.5 / (1 / 2.0 + 1 / ball.mass) * 9.0**2
-    assert collision.energy_residual == pytest.approx(missing / energy, rel=1e-3)
-    assert collision.energy_residual > 1e-10
+    share = missing / (0.5 / (1 / 2.0 + 1 / ball.mass) * 9.0**2)
+    assert collision.energy_residual == pytest.approx(share, rel=closed_form(1 / share))
+    assert collision.energy_residual > closed_form(1e3)
 
 
 def test_pressed_twice():
@@ -192,10 +184,10 @@ def test_pressed_twice():
     deflection = collision.sample(np.linspace(0, collision.contact_time, 400)).deflection
     first, second = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) < 0)
     assert deflection[second] > 1.05 * deflection[first]
-    assert collision.energy_residual < 1e-8
+    assert collision.energy_residual < integrated(1e-11)
     end = collision.sample(collision.contact_time)
-    assert end.deflection == pytest.approx((1 - 0.36) * collision.deflection, rel=1e-6)
-    assert np.linalg.norm(end.force) < 1e-6 * collision.peak_force
+    assert end.deflection == pytest.approx((1 - 0.36) * collision.deflection, rel=integrated(1e-9))
+    assert np.linalg.norm(end.force) < integrated(1e-8) * collision.peak_force
 
 
 LIMITS = {
@@ -248,9 +240,9 @@ def test_with_supports_and_loops_the_instant_is_the_limit(name):
         collision = kd.collide(*kick, contact_time=time, tol=1e-8)
         errors.append(np.linalg.norm(collision.impulse - instant.impulse))
         joints.append(np.abs(collision.joint_impulses - instant.joint_impulses).max())
-        assert collision.energy_residual < 1e-6
+        assert collision.energy_residual < integrated(1e-8)
         rows = leg.posture(collision.q_after).constraint_projector.rows
-        np.testing.assert_allclose(rows @ collision.v_after, 0.0, atol=1e-7)
+        np.testing.assert_allclose(rows @ collision.v_after, 0.0, atol=integrated(1e-8))
     assert errors[0] / errors[1] == pytest.approx(10, rel=0.1)
     assert errors[1] < 0.01 * np.linalg.norm(instant.impulse)
     assert joints[1] < min(0.12 * joints[0], 0.01 * np.abs(instant.joint_impulses).max())
@@ -262,13 +254,13 @@ def test_the_impulse_is_the_integral_of_the_force(friction):
     nodes, weights = np.polynomial.legendre.leggauss(100)
     samples = collision.sample(0.5 * collision.contact_time * (1 + nodes))
     total = 0.5 * collision.contact_time * weights @ samples.force
-    agrees(total, collision.impulse, 1e-3)
-    agrees(collision.sample(collision.contact_time).impulse, collision.impulse, 1e-10)
+    agrees(total, collision.impulse, 1e-3)  # there is a kink between nodes
+    agrees(collision.sample(collision.contact_time).impulse, collision.impulse, closed_form())
     sizes = np.linalg.norm(samples.force, axis=1)
     for largest, sampled in (
         (collision.peak_force, sizes), (collision.deflection, samples.deflection),
     ):  # fmt: skip
-        assert sampled.max() <= largest * (1 + 1e-9)
+        assert sampled.max() <= largest * (1 + closed_form(1e4))
         assert sampled.max() == pytest.approx(largest, rel=1e-2)
     assert collision.flattening == collision.deflection
 
@@ -277,8 +269,8 @@ def test_the_impulse_is_the_integral_of_the_force(friction):
 def test_the_error_is_no_less_than_estimated(tol):
     exact, rough = human(tol=1e-13), human(tol=tol)
     difference = np.linalg.norm(rough.impulse - exact.impulse)
-    assert difference <= rough.error <= 1e3 * tol * np.linalg.norm(exact.impulse)
-    assert rough.energy_residual < 100 * tol
+    assert difference <= rough.error <= integrated(tol, 1000) * np.linalg.norm(exact.impulse)
+    assert rough.energy_residual < integrated(tol)
 
 
 def test_a_foot_that_turns_turns_the_force():
@@ -298,10 +290,10 @@ def test_a_base_that_moves_is_another_frame_of_reference():
     seen = kd.collide(LEG.posture(q), *kick, ball_velocity=velocity - hip)
     moving = LEG.with_base_velocity(hip).posture(q)
     collision = kd.collide(moving, *kick, ball_velocity=velocity)
-    agrees(collision.ball_after.velocity, seen.ball_after.velocity + hip, 1e-12)
+    agrees(collision.ball_after.velocity, seen.ball_after.velocity + hip, closed_form(10))
     position = seen.ball_after.position + hip * seen.contact_time
-    agrees(collision.ball_after.position, position, 1e-12)
-    agrees(collision.impulse, seen.impulse, 1e-12)
+    agrees(collision.ball_after.position, position, closed_form(10))
+    agrees(collision.impulse, seen.impulse, closed_form(10))
     with pytest.raises(kd.InvalidInput, match="base"):
         kd.collide(LEG.with_base_velocity(hip, (0, 1, 0)).posture(q), *kick)
 
@@ -318,7 +310,7 @@ def test_a_copy_runs_again_to_the_same_digits(options):
     assert again.impulse.tolist() == collision.impulse.tolist()
     assert (again.force_model, again.tol) == (collision.force_model, 1e-6)
     assert again.ball_before == collision.ball_before
-    assert collision.error < 1e-3 * np.linalg.norm(collision.impulse)
+    assert collision.error < integrated(1e-6, 1000) * np.linalg.norm(collision.impulse)
     damped = human(torque=lambda t, q, v: -0.5 * v, tol=1e-6)
     assert copy.deepcopy(damped).impulse.tolist() == damped.impulse.tolist()
 

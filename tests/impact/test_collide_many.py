@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from chains import floating_leg, in_units, kinetic_energy, rails, random_leg
 from contacts import random_strikes
-from tolerances import agrees, integrated
+from tolerances import agrees, closed_form, integrated
 
 import kickdyn as kd
 from kickdyn.impact.collide_many import COLLIDE
@@ -52,8 +52,8 @@ def test_every_row_is_a_contact(seed):
         agrees(many.ball_velocity[i], one.ball_after.velocity, integrated(1e-8))
         agrees(many.ball_spin[i], one.ball_after.spin, integrated(1e-8))
         agrees(many.ball_position[i], one.ball_after.position, integrated(1e-9))
-        agrees(many.approach_speed[i], one.approach_speed, 1e-10)
-        assert many.energy_residual[i] < 2e-5
+        agrees(many.approach_speed[i], one.approach_speed, closed_form(1e3))
+        assert many.energy_residual[i] < integrated(1e-8)
     assert np.all(refused)
     assert np.bincount(many.status, minlength=4)[1:3].min() > 2
 
@@ -84,9 +84,9 @@ def test_two_masses():
         rails(), np.zeros((2, 1)), speed[:, None], ball, contacts, contact_time=0.009, tol=1e-11
     )
     mass = 1 / (1 / 2.0 + 1 / ball.mass)
-    agrees(many.contact_time, [0.009] * 2, 1e-7)
-    agrees(many.impulse[:, 0], (1 + e) * mass * speed, 1e-8)
-    agrees(many.energy_lost, 0.5 * mass * speed**2 * (1 - e * e), 1e-7)
+    agrees(many.contact_time, [0.009] * 2, integrated(1e-10))
+    agrees(many.impulse[:, 0], (1 + e) * mass * speed, integrated(1e-10))
+    agrees(many.energy_lost, 0.5 * mass * speed**2 * (1 - e * e), integrated(1e-10))
     k = mass / math.sqrt(9.0) * (0.9 * 3.2180 / 0.009) ** 2.5  # Johnson 1985, Eq. 11.24
     assert many.deflection[0] == pytest.approx((5 * mass * 81.0 / (4 * k)) ** 0.4, rel=1e-4)
 

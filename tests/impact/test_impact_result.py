@@ -76,8 +76,8 @@ def test_derived_results_follow_from_their_definitions():
     residual = abs(parting - contact.restitution * closing) / closing
     sizes = np.linalg.norm(impact.joint_impulses[:, :3], axis=1)
     assert impact.effective_mass == pytest.approx(mass, rel=closed_form(posture.condition))
-    assert impact.speed_ratio == pytest.approx(ball.speed / np.linalg.norm(foot), rel=1e-12)
-    assert impact.restitution_residual == pytest.approx(residual, rel=1e-9, abs=1e-13)
+    assert impact.speed_ratio == pytest.approx(ball.speed / np.linalg.norm(foot), rel=closed_form())
+    assert impact.restitution_residual == pytest.approx(residual, abs=closed_form(10))
     name, size = impact.worst_joint
     assert (posture.leg.joint_names.index(name), size) == (np.argmax(sizes), sizes.max())
 
@@ -89,8 +89,8 @@ def test_stiff_joints_their_motors_and_the_limits_of_drives():
     q, wish = np.radians([5, 10, -5]), (3.0, 0.0, 1.0)
     kick = leg.posture(q).joint_velocity(wish), kd.Ball(), kd.Contact(wish, 0.7, 0.3)
     free, held = (kd.strike(one.posture(q), *kick) for one in (leg, stiff))
-    assert held.v_after[1] == pytest.approx(held.v_before[1], abs=1e-12)
-    assert held.free_effective_mass == pytest.approx(free.effective_mass, rel=1e-12)
+    assert held.v_after[1] == pytest.approx(held.v_before[1], abs=closed_form(10))
+    assert held.free_effective_mass == pytest.approx(free.effective_mass, rel=closed_form(10))
     assert held.effective_mass > free.effective_mass
     energies = [
         0.5 * (v @ held.posture.inertia @ v + kick[1].mass * ball.velocity @ ball.velocity)
@@ -98,7 +98,7 @@ def test_stiff_joints_their_motors_and_the_limits_of_drives():
         for v, ball in ((held.v_before, held.ball_before), (held.v_after, held.ball_after))
     ]
     work = energies[1] - energies[0] + held.energy_lost
-    assert held.motor_work == pytest.approx(work, rel=1e-9)
+    assert held.motor_work == pytest.approx(work, rel=closed_form(1e4))
     assert abs(work) > 0.01
     assert free.motor_work == 0.0
     assert (free.drive_limit, held.drive_limit) == ("with rotors", "with rotors, stiff knee")

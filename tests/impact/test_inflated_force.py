@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from chains import free_body, momentum, rails, random_kick, random_leg
 from scipy.integrate import quad
-from tolerances import agrees, integrated
+from tolerances import agrees, closed_form, integrated
 
 import kickdyn as kd
 from kickdyn.impact import collide as collide_module
@@ -71,7 +71,7 @@ def test_energy_and_impulse_are_balanced(seed, friction):
     for begin, step in zip(motion.times, np.diff(motion.times), strict=False):
         samples = collision.sample(begin + 0.5 * step * (1 + nodes)).force
         total += 0.5 * step * weights @ samples
-    agrees(total, collision.impulse, 1e-6)
+    agrees(total, collision.impulse, integrated(1e-8))
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
@@ -101,18 +101,19 @@ def test_force_and_energy_at_a_deflection(u, share):
 
     speed, carried = rate / (1 - share * u / 2), share * 0.43 * u / 2
     load, per_length = force.load(travel, rate), share * 0.43 / (2 * radius)
-    assert force.deflection(travel) == pytest.approx(u * radius, rel=1e-12)
-    assert load.carried == pytest.approx(carried, rel=1e-12)
-    assert load.force == pytest.approx(push(u) + per_length * speed**2, rel=1e-12)
+    exact = closed_form(10)
+    assert force.deflection(travel) == pytest.approx(u * radius, rel=exact)
+    assert load.carried == pytest.approx(carried, rel=exact)
+    assert load.force == pytest.approx(push(u) + per_length * speed**2, rel=exact)
     loss = (1 - SHELL_RESTITUTION**2) * push(u) * speed + 0.5 * per_length * speed**3
-    assert load.lost == pytest.approx(loss, rel=1e-12)
+    assert load.lost == pytest.approx(loss, rel=exact)
     back = force.load(travel, -rate, radius)
-    assert back.force == pytest.approx(SHELL_RESTITUTION**2 * push(u), rel=1e-12)
-    assert back.lost == pytest.approx(0.5 * per_length * speed**3, rel=1e-12)
+    assert back.force == pytest.approx(SHELL_RESTITUTION**2 * push(u), rel=exact)
+    assert back.lost == pytest.approx(0.5 * per_length * speed**3, rel=exact)
     work = quad(push, 0, u, epsrel=1e-12)[0] * radius
     moving = 0.5 * carried * (1 - carried / 0.43) * speed**2
     energy = SHELL_RESTITUTION**2 * work + moving
-    assert force.energy(travel, rate) == pytest.approx(energy, rel=1e-9)
+    assert force.energy(travel, rate) == pytest.approx(energy, rel=closed_form(1e4))
 
 
 @pytest.mark.parametrize(("speed", "warned"), [(20.0, False), (34.0, True)])

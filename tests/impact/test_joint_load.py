@@ -32,7 +32,7 @@ def test_parts_add_up_and_only_rotors_act_along_the_axis():
         agrees(load.structure + load.axis, impulse, closed_form())
         tolerance = closed_form(10) * scale
         np.testing.assert_allclose(load.structure[4], 0, atol=tolerance)  # all axes are y
-        np.testing.assert_allclose(load.axis, turning * np.eye(6)[4], rtol=1e-9, atol=tolerance)
+        assert load.axis == pytest.approx(turning * np.eye(6)[4], abs=tolerance)
         assert load.peak_force is load.peak_moment is None
 
 
@@ -54,7 +54,7 @@ def test_axes_are_those_of_the_impacts_posture():
     leg.posture([-0.9, 0.8, 0.1])
     hip = kd.joint_loads(impact)["hip"]
     assert np.linalg.norm(hip.structure[3:]) > 1e-2
-    np.testing.assert_allclose(hip.axis, 0.0, atol=1e-12)  # passive
+    np.testing.assert_allclose(hip.axis, 0.0, atol=closed_form(10))  # passive
 
 
 def test_the_peak_is_that_of_half_a_sine_with_the_same_impulse():
@@ -63,8 +63,8 @@ def test_the_peak_is_that_of_half_a_sine_with_the_same_impulse():
     sine, _ = quad(lambda t: math.sin(math.pi * t / time), 0, time)
     for load, impulse in zip(loads.values(), impact.joint_impulses, strict=True):
         linear, angular = np.linalg.norm(impulse[:3]), np.linalg.norm(impulse[3:])
-        assert load.peak_force == pytest.approx(linear / sine, rel=1e-12)
-        assert load.peak_moment == pytest.approx(angular / sine, rel=1e-12)
+        assert load.peak_force == pytest.approx(linear / sine, rel=closed_form(10))
+        assert load.peak_moment == pytest.approx(angular / sine, rel=closed_form(10))
 
 
 @pytest.mark.parametrize(

@@ -104,10 +104,10 @@ def test_every_robot_balances_and_pinocchio_agrees(name):
         agrees(peer.support_impulses[support], reaction, closed_form(10_000))
     assert peer.momentum_residual <= closed_form(1000)
     assert impact.restitution_residual <= closed_form(10)
-    assert constraint_speed(impact) <= 1e-10
+    assert constraint_speed(impact) <= closed_form(1e3)
     if "floating" in name:  # nothing carries the base
         size = np.abs(impact.joint_impulses).max()
-        np.testing.assert_allclose(impact.joint_impulses[0], 0.0, atol=1e-11 * size)
+        np.testing.assert_allclose(impact.joint_impulses[0], 0.0, atol=closed_form(100) * size)
 
 
 @pytest.mark.parametrize("name", STANDING)
@@ -147,4 +147,4 @@ def test_the_momentum_residual_is_relative_to_what_the_impulse_brings_into_the_j
     response = response_to_jump(posture, np.zeros(3), jump, impulse, NO_CONSTRAINTS)
     missing = np.abs(posture.inertia @ jump + posture.jacobian.T @ impulse).max()
     expected = missing / (posture.jacobian_norm * 5.0 * size)
-    assert response.momentum_residual == pytest.approx(expected, rel=1e-10)
+    assert response.momentum_residual == pytest.approx(expected, rel=closed_form(10))

@@ -154,9 +154,9 @@ def test_a_central_impact_is_newtons_law(seed):
     contact.matrix = tangential * np.eye(3) + (normal - tangential) * np.outer(n, n)
     ours, theirs = by_stronge(contact), by_newton(contact)
     assert ours.sticking == theirs.sticking
-    agrees(ours.impulse, theirs.impulse, 1e-9)
+    agrees(ours.impulse, theirs.impulse, closed_form(1e4))
     scale = np.linalg.norm(theirs.impulse) * np.linalg.norm(contact.velocity)
-    assert ours.energy_lost == pytest.approx(theirs.energy_lost, rel=1e-9, abs=1e-12 * scale)
+    assert ours.energy_lost == pytest.approx(theirs.energy_lost, abs=closed_form(100) * scale)
 
 
 @pytest.mark.parametrize("e", [0.0, 0.6, 1.0])

@@ -48,11 +48,12 @@ def corner_levers(impact):
 
 
 def check_coulomb(tangential, pressing, friction, sliding, scale, speed):
-    assert np.linalg.norm(tangential) <= friction * pressing + 1e-9 * scale
+    assert np.linalg.norm(tangential) <= friction * pressing + optimized(1e-10) * scale
     slip = np.linalg.norm(sliding)
     if slip > 1e-6 * speed:  # friction is full, and opposes the sliding
         opposed = -friction * pressing * sliding
-        np.testing.assert_allclose(tangential * slip, opposed, atol=1e-8 * scale * speed)
+        near = optimized(1e-9) * scale * speed
+        assert tangential * slip == pytest.approx(opposed, abs=near)
 
 
 @pytest.mark.parametrize("name", KICKS)
@@ -63,14 +64,14 @@ def test_contact_laws_hold_after_the_impact(name):
     posture, n = impact.posture, contact.normal
     scale, speed = np.linalg.norm(impact.impulse), impact.approach_speed
     rows = posture.constraint_projector.rows @ impact.v_after
-    assert impact.cone_residual <= 1e-11
+    assert impact.cone_residual <= optimized(1e-12)
     corners = corner_levers(impact), impact.solution.impulses[1:], impact.point_velocities[FOOT]
     for lever, p, u in zip(*corners, strict=True):
         velocity = rows[:3] + (np.cross(rows[3:], lever) if len(rows) == 6 else 0)
-        np.testing.assert_allclose(u, velocity, atol=1e-10 * speed)
-        assert u[2] >= -1e-9 * speed
-        assert p[2] >= -1e-9 * scale
-        assert abs(u[2] * p[2]) <= 1e-9 * speed * scale
+        assert u == pytest.approx(velocity, abs=closed_form(1e3) * speed)
+        assert u[2] >= -optimized(1e-10) * speed
+        assert p[2] >= -optimized(1e-10) * scale
+        assert abs(u[2] * p[2]) <= optimized(1e-10) * speed * scale
         friction = posture.leg.constraints.supports[0].friction
         check_coulomb(p[:2], p[2], friction, u[:2], scale, speed)
     state, pressing = impact.ball_after, impact.impulse @ n
@@ -78,9 +79,9 @@ def test_contact_laws_hold_after_the_impact(name):
     slip = surface - posture.jacobian @ impact.v_after
     tangential = impact.impulse - pressing * n
     check_coulomb(tangential, pressing, contact.friction, slip - (slip @ n) * n, scale, speed)
-    assert impact.restitution_residual <= 1e-9
+    assert impact.restitution_residual <= optimized(1e-10)
     assert impact.momentum_residual <= closed_form(100)
-    np.testing.assert_allclose(impact.joint_impulses[0], 0.0, atol=1e-11 * scale)  # the base
+    assert np.abs(impact.joint_impulses[0]).max() < closed_form(100) * scale  # the base
     energy = kinetic_energy(posture, v, ball, impact.ball_before)
     lost = energy - kinetic_energy(posture, impact.v_after, ball, state)
     assert 0.0 < impact.energy_lost == pytest.approx(lost, abs=closed_form(100) * energy)
@@ -104,7 +105,7 @@ def test_a_foot_that_the_ground_cannot_hold_moves(name):
     assert held.footing[FOOT] != "stands"
     assert loose.footing[FOOT] != "stands"
     assert constraint_speed(loose) > 1e-4
-    assert constraint_speed(held) < 1e-11
+    assert constraint_speed(held) < closed_form(100)
 
 
 def test_footing_by_the_velocities_of_the_corners():
@@ -125,7 +126,8 @@ def test_the_effective_mass_is_that_of_the_leg_without_supports():
     held, loose = both("instep")
     contact = KICKS["instep"][3]
     free = ROBOT.posture(held.posture.q).with_contact_offset(contact.offset)
-    assert loose.effective_mass == pytest.approx(free.effective_mass(contact.normal), rel=1e-12)
+    right = free.effective_mass(contact.normal)
+    assert loose.effective_mass == pytest.approx(right, rel=closed_form(10))
     assert loose.effective_mass < 0.9999 * held.effective_mass
 
 
@@ -133,8 +135,8 @@ def test_digits_are_no_more_than_the_solver_leaves():
     _, loose = both("forward")
     rough = dataclasses.replace(loose, solution=loose.solution._replace(residual=1e-6))
     assert loose.digits > 10
-    assert rough.digits == pytest.approx(6.0, abs=1e-3)
-    assert rough.joint_digits.max() < 6.0 + 1e-9
+    assert rough.digits == pytest.approx(6.0, abs=closed_form(1e5))
+    assert rough.joint_digits.max() < 6.0 + closed_form()
 
 
 @pytest.mark.parametrize("order", [(FOOT, OTHER), (OTHER, FOOT)])
@@ -147,12 +149,12 @@ def test_two_feet_with_a_friction_each(order):
     leg = hands.with_supports(*supports)
     v, contact = leg.posture(q).joint_velocity((3, 1, 1)), kd.Contact((3, 1, 1), 0.7, 0.3)
     impact = kd.unilateral_strike(leg.posture(q), v, kd.Ball(), contact)
-    assert impact.cone_residual <= 1e-10
+    assert impact.cone_residual <= optimized(1e-11)
     assert impact.momentum_residual <= closed_form(100)
     corners = impact.solution.impulses[1:].reshape(2, 4, 3)
     for name, impulses in zip(order, corners, strict=True):
         excess = np.hypot(*impulses[:, :2].T) - frictions[name] * impulses[:, 2]
-        assert excess.max() < 1e-9, name
+        assert excess.max() < optimized(1e-10), name
         agrees(impact.support_impulses[name][:3], impulses.sum(axis=0), closed_form(10))
     x, y, z = impact.support_impulses[FOOT][:3]
     assert np.hypot(x, y) > 0.06 * z

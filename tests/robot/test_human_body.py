@@ -6,10 +6,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-from tolerances import agrees, closed_form
+from tolerances import EPSILON, agrees, closed_form
 
 import kickdyn as kd
 from kickdyn.robot.urdf_file import shipped_urdf
+
+EXACT = {"rel": closed_form(10), "abs": 4 * EPSILON}
 
 # de Leva 1996, Table 4, of the mean man (73.0 kg, 1.741 m) and woman (61.9 kg, 1.735 m): mass [%],
 # length [mm], centre [%], radii of gyration about sagittal, transverse, longitudinal axes [%];
@@ -64,13 +66,13 @@ def test_segments_of_the_mean_person_are_those_of_de_leva(sex, side, medial):
             lever, radii = [(centre - 0.25) * length, 0.0, 0.0], radii[::-1]
         elif name == "pelvis":  # hips are 8.35 cm from the middle of a person of 1.80 m (Delp)
             lever = [0.0, medial * 0.0835 / 1.8 * height, (1 - centre) * length]
-        assert inertia.mass == pytest.approx(share * mass, rel=1e-12), name
-        assert inertia.lever == pytest.approx(lever, rel=1e-12, abs=1e-15), name
+        assert inertia.mass == pytest.approx(share * mass, rel=closed_form(10)), name
+        assert inertia.lever == pytest.approx(lever, **EXACT), name
         moments = np.diag(inertia.mass * (length * np.array(radii)) ** 2)
-        assert inertia.inertia == pytest.approx(moments, rel=1e-12, abs=1e-15), name
+        assert inertia.inertia == pytest.approx(moments, **EXACT), name
     thigh, shank, foot = (row[1] * 1e-3 for row in list(table.values())[1:])
     straight = leg.posture(leg.configuration())
-    assert straight.contact_point == pytest.approx([0.75 * foot, 0, -thigh - shank], rel=1e-12)
+    assert straight.contact_point == pytest.approx([0.75 * foot, 0, -thigh - shank], **EXACT)
 
 
 @pytest.mark.parametrize("sex", DUMAS)
@@ -90,7 +92,7 @@ def test_segments_are_those_of_dumas(sex, side, outwards):
         # our y is their z outwards, our z their y
         tensor = [[xx, outwards * xz, xy], [outwards * xz, zz, outwards * yz],
                   [xy, outwards * yz, yy]]  # fmt: skip
-        assert inertia.inertia == pytest.approx(inertia.mass * np.array(tensor), rel=1e-12), name
+        assert inertia.inertia == pytest.approx(inertia.mass * np.array(tensor), **EXACT), name
     thigh, shank, foot = list(table.values())[1:]
     length, from_heel = DUMAS_FOOT[sex]
     toe = [1e-5 * foot[1] * foot[2][0] + (1 - from_heel) * length, 0, -1e-3 * (thigh[1] + shank[1])]
@@ -131,9 +133,9 @@ def test_a_measured_person_has_the_segments_of_yeadon(side, medial):
     assert thigh.mass == pytest.approx(share * upper.mass)
     assert shank.mass + foot.mass == pytest.approx(share * lower.mass)
     assert pelvis.mass == pytest.approx(share * person.P.mass)
-    agrees(thigh.inertia, share * np.asarray(upper.inertia), 1e-9)
+    agrees(thigh.inertia, share * np.asarray(upper.inertia), closed_form(10))
     centre = np.ravel(upper.center_of_mass - upper.pos)
-    assert thigh.lever == pytest.approx([0, 0, -abs(centre[2])], abs=1e-12)
+    assert thigh.lever == pytest.approx([0, 0, -abs(centre[2])], abs=closed_form(10))
     assert pelvis.lever[1] == pytest.approx(medial * abs(upper.pos[0, 0]))
     straight = leg.posture(leg.configuration())
     assert straight.contact_point == pytest.approx([0.209, 0, -0.811])  # of the levels 9L and 5L
@@ -142,9 +144,9 @@ def test_a_measured_person_has_the_segments_of_yeadon(side, medial):
     place = pin.SE3(turn, shift @ np.ones(3))
     whole = shank + place.act(foot)
     centre = np.ravel(lower.center_of_mass - lower.pos)
-    assert whole.lever == pytest.approx([0, 0, -abs(centre[2])], abs=1e-9)
+    assert whole.lever == pytest.approx([0, 0, -abs(centre[2])], abs=closed_form(10))
     moments = np.asarray(lower.inertia)[np.ix_([1, 0, 2], [1, 0, 2])]  # its x is our y
-    agrees(np.diag(whole.inertia), share * np.diag(moments), 1e-9)
+    agrees(np.diag(whole.inertia), share * np.diag(moments), closed_form(10))
     person.set_CFG("J1J2flexion", 0.5)
     person.set_CFG("K1K2flexion", 0.5)
     with pytest.raises(kd.InvalidInput, match="neutral"):

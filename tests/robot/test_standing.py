@@ -66,8 +66,8 @@ def test_the_rooted_robot_moves_and_weighs_as_the_robot_on_its_support(seed):
     q, _ = standing.robot_state(leg.configuration(), np.zeros(leg.nv))
     base = robot.model.jointPlacements[1]
     move = base * pin.XYZQUATToSE3(q[:7]) * base.inverse()  # with joints at 0, it is vertical
-    assert move.rotation == pytest.approx(np.eye(3), abs=1e-12)
-    assert move.translation[:2] == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert move.rotation == pytest.approx(np.eye(3), abs=closed_form(10))
+    assert move.translation[:2] == pytest.approx([0.0, 0.0], abs=closed_form(10))
     q = pin.integrate(leg.model, leg.configuration(), rng.uniform(-1, 1, size=leg.nv))
     v = rng.normal(size=leg.nv)
     whole_q, whole_v = standing.robot_state(q, v)
@@ -113,15 +113,15 @@ def test_the_sole_of_round_feet_is_cut_out_of_their_spheres(tmp_path):
     robot = biped(tmp_path, "".join(VISUAL.format(*place, ball) for place in places))
     standing = StandingRobot(robot.with_supports("left"))
     low, high = (np.sqrt(2 * 0.05 * depth - depth**2) for depth in (2e-3, 1e-3))
-    assert standing.sole[:, 0].min() == pytest.approx(-low, rel=1e-9)
-    assert standing.sole[:, 0].max() == pytest.approx(0.2 + low, rel=1e-9)
-    assert standing.sole[:, 1].max() == pytest.approx(0.3 + 0.1 + high, rel=1e-9)
+    assert standing.sole[:, 0].min() == pytest.approx(-low, rel=closed_form(1e4))
+    assert standing.sole[:, 0].max() == pytest.approx(0.2 + low, rel=closed_form(1e4))
+    assert standing.sole[:, 1].max() == pytest.approx(0.3 + 0.1 + high, rel=closed_form(1e4))
     assert standing.placement.translation == pytest.approx([0, 0.3, 0.05])
     normals, offsets = sole_edges(standing)  # n x <= offset inside
     middle = standing.sole.mean(axis=0)
     assert (normals @ middle < offsets).all()
     farthest = (normals @ standing.sole.T).max(axis=1)
-    assert farthest == pytest.approx(offsets, abs=1e-12)
+    assert farthest == pytest.approx(offsets, abs=closed_form(10))
 
 
 @pytest.mark.parametrize(
@@ -131,15 +131,15 @@ def test_a_foot_that_is_tilted_with_joints_at_0_is_turned_level(tmp_path, sole):
     """Each foot is a box 0.06 m below its ankle, its toes up by 15 degrees."""
     robot = biped(tmp_path, VISUAL.format(0, 0, -0.05, '<box size="0.2 0.08 0.02"/>'), -0.26)
     standing = StandingRobot(robot.with_supports(kd.Support("left", sole=sole)))
-    assert standing.placement.rotation == pytest.approx(np.eye(3), abs=1e-6)
-    assert standing.placement.translation == pytest.approx([0, 0.3, 0.06], abs=1e-6)
-    assert np.ptp(standing.sole, axis=0) == pytest.approx([0.2, 0.08], abs=1e-6)
-    assert np.ptp(standing.kicking_foot().sole, axis=0) == pytest.approx([0.2, 0.08], abs=1e-6)
+    assert standing.placement.rotation == pytest.approx(np.eye(3), abs=closed_form(1e4))
+    assert standing.placement.translation == pytest.approx([0, 0.3, 0.06], abs=closed_form(1e4))
+    assert np.ptp(standing.sole, axis=0) == pytest.approx([0.2, 0.08], abs=closed_form(1e4))
+    agrees(np.ptp(standing.kicking_foot().sole, axis=0), [0.2, 0.08], closed_form(1e4))
     leg, q = standing.leg, standing.leg.configuration({"left_hip": 0.4})
     pin.forwardKinematics(leg.model, data := leg.model.createData(), q)
     base = pin.Quaternion(standing.robot_state(q, np.zeros(leg.nv))[0][3:7]).toRotationMatrix()
     trunk = data.oMi[leg.model.getJointId(standing.trunk_joint)].rotation
-    assert trunk @ standing.trunk_axis == pytest.approx(base[:, 2], abs=1e-6)
+    assert trunk @ standing.trunk_axis == pytest.approx(base[:, 2], abs=closed_form(1e4))
 
 
 def test_a_foot_stands_on_its_largest_face_within_30_degrees_of_the_ground(tmp_path):
@@ -148,7 +148,7 @@ def test_a_foot_stands_on_its_largest_face_within_30_degrees_of_the_ground(tmp_p
     normals, areas = _faces(robot, robot.model.getFrameId("left"))
     axes = np.abs(normals).argmax(axis=1)
     assert set(axes) == {0, 1, 2}
-    agrees(areas, np.prod(sizes) / sizes[axes], 1e-9)
+    agrees(areas, np.prod(sizes) / sizes[axes], closed_form(10))
     tilted = np.column_stack([np.sin(degrees), np.zeros(3), -np.cos(degrees)])
     level = _levelled(np.eye(3), tilted, np.array([1.0, 2.0, 3.0]))
     agrees(level @ tilted[1], [0.0, 0.0, -1.0], closed_form())
@@ -162,7 +162,7 @@ def test_a_supported_foot_stays_while_the_joints_move():
     for q in (posture.q, held):
         pin.framesForwardKinematics(robot.model, data, q)
         feet.append(data.oMf[robot.model.getFrameId(FOOT)].homogeneous)
-    np.testing.assert_allclose(feet[1], feet[0], atol=1e-12)
+    np.testing.assert_allclose(feet[1], feet[0], atol=closed_form(10))
     assert held[7:].tolist() == bent[7:].tolist()
     assert hold_support(G1.posture(G1.configuration()), bent) is bent
 

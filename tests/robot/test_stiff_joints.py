@@ -65,7 +65,7 @@ def test_velocities_are_kept_and_momentum_and_energy_close(seed, law, is_rough):
     loads = kd.joint_loads(hit)
     for name, impulse in zip(names, hit.constraint_impulses, strict=True):
         load = np.linalg.norm(loads[name].axis)
-        assert load == pytest.approx(abs(impulse), abs=1e-8 * np.linalg.norm(hit.impulse)), name
+        assert abs(load - abs(impulse)) < optimized(1e-9) * np.linalg.norm(hit.impulse), name
     if not is_rough:
         engine = by_pinocchio(*kick, **options)
         agrees(engine.impulse, hit.impulse, optimized(1e-8))

@@ -251,7 +251,7 @@ def test_an_error_of_the_spin_moves_the_end_by_half_the_change_of_lift_times_the
     slant = size(path.landing.velocity) / abs(path.landing.velocity[2])
     right = launch_end.END_SAFETY * slant * 0.5 * lift * path.duration**2
     error = launch_end.end_error(scene, path, launch_end.LaunchError(0.0, change, 0.0))
-    assert error == pytest.approx(right, rel=1e-6)
+    assert error == pytest.approx(right, rel=closed_form(1e6))
 
 
 @pytest.mark.parametrize("surface", ["turf", "carpet"])

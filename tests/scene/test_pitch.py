@@ -61,7 +61,7 @@ def test_in_a_vacuum_a_passage_is_that_of_the_parabola(side):
     left = ahead[0] * y - ahead[1] * x
     passage = passage_on(path, kd.Wall(5.0, 1.5, 0.5), ahead, RADIUS, start)
     right = 6.0 * t - 9.81 / 2 * t**2 + start - 1.5, abs(left) - 0.25 - RADIUS, left
-    assert passage == pytest.approx(right, rel=optimized(1e-11), abs=1e-9)
+    assert passage == pytest.approx(right, rel=optimized(1e-11), abs=optimized(1e-11))
     assert passage_on(path, kd.Wall(50.0, 1.5), ahead, RADIUS) is None
 
 

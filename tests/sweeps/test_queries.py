@@ -8,13 +8,7 @@ import kickdyn as kd
 from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import read_postures
-from kickdyn.sweeps.queries import (
-    condition,
-    front_of,
-    outcome_at,
-    pareto_front,
-    possible,
-)
+from kickdyn.sweeps.queries import condition, front_of, outcome_at, pareto_front, possible
 
 LEG, KICK = kd.Leg.human(), kd.Kick(speed=6.5, attack=0.0, air=None)
 POSTURES = read_postures(LEG, ["hip=0:90:30", "knee=0:30:10", "ankle=0:50:25"])

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from tolerances import closed_form, integrated
 
 import kickdyn as kd
 from kickdyn.cli import posture_sweep_command
@@ -59,14 +60,15 @@ def test_options_give_the_kicks_of_the_library(line, kickdyn):
     assert document["status"]["ok"] == len(speeds) > 1
     best, worst = document["lines"][-2:]
     assert (best["posture"], worst["posture"]) == ("best", "worst")
-    assert best["ball_speed"] == pytest.approx(max(speeds), rel=1e-9)
-    assert worst["ball_speed"] == pytest.approx(min(speeds), rel=1e-9)
+    assert best["ball_speed"] == pytest.approx(max(speeds), rel=closed_form(1e4))
+    assert worst["ball_speed"] == pytest.approx(min(speeds), rel=closed_form(1e4))
     for entry in document["lines"]:
         angles = {name: math.radians(angle) for name, angle in entry["angles_deg"].items()}
         outcome = kick_from(leg.posture(leg.configuration(angles)), kick)
-        assert entry["impulse_vector"] == pytest.approx(outcome.impact.impulse, rel=1e-9, abs=1e-12)
+        assert entry["impulse_vector"] == pytest.approx(outcome.impact.impulse, abs=closed_form(10))
         for name, value in variables_of(outcome, kick).items():
-            assert entry[name] == pytest.approx(value, rel=1e-6, abs=1e-12), name
+            right = pytest.approx(value, rel=integrated(1e-8), abs=closed_form(10))
+            assert entry[name] == right, name
 
 
 def test_a_sweep_is_the_library_s(kickdyn):
@@ -115,7 +117,7 @@ def test_a_store_says_what_a_file_says_and_is_resumed(kickdyn, tmp_path):
     assert lines[0][0]["angles_deg"]["hip"] < 30
     for other in lines[1:]:
         for one, another in zip(lines[0], other, strict=True):
-            assert one["ball_speed"] == pytest.approx(another["ball_speed"], rel=1e-9)
+            assert one["ball_speed"] == pytest.approx(another["ball_speed"], rel=closed_form(1e4))
             assert one["angles_deg"] == another["angles_deg"]
 
 

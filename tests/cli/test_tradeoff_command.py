@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from references.exact_impact import exact_impact, given
-from tolerances import closed_form
+from tolerances import closed_form, integrated
 
 import kickdyn as kd
 from kickdyn.cli import function_costs
@@ -43,7 +43,7 @@ def test_the_functions_are_as_exact_as_their_tolerances(kickdyn, monkeypatch, tm
     contact = kd.Contact(attack, 0.8, 0.4)
     instant, lasting = (solve(*kick, contact).impulse for solve in (kd.strike, kd.collide))
     model = np.linalg.norm(instant - lasting) / np.linalg.norm(lasting)
-    assert table["strike"]["model"] == pytest.approx(model, rel=1e-6)
+    assert table["strike"]["model"] == pytest.approx(model, rel=integrated(1e-8))
     assert table["collide"]["model"] is None
     printed = {line.split("  ")[0].removesuffix(" (per row)"): line.split()[-3:]
                for line in ended.out.splitlines()}  # fmt: skip

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
+from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.core.representation import distance_in_words
@@ -52,7 +53,7 @@ def test_a_document_has_the_numbers_of_the_impact_and_the_flight(name, kickdyn):
         "error": shown.model_error + shown.numerical_error,
     }
     for key, value in right.items():
-        assert document[key] == pytest.approx(value, rel=1e-9, abs=1e-9), key
+        assert document[key] == pytest.approx(value, abs=closed_form(1e4)), key
     for joint, impulse in zip(leg.joint_names, turned, strict=True):
         assert document["joint_impulses"][joint] == pytest.approx(impulse), joint
     assert (document["scene"], document["leg"], document["frame"]) == (scene.name, leg.name, "toe")

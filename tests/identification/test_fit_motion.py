@@ -122,7 +122,7 @@ def test_gaps_are_named_and_the_markers_that_are_seen_count():
     assert motion.gaps["thigh1"] == motion.undetermined == (7, 8)
     for k, coordinates in ((5, 12), (7, 6), (9, 12)):  # only the pelvis in frame 7
         error = pin.difference(LEG.model, state(motion.times[k]), motion.configurations[k])
-        assert error[:coordinates] == pytest.approx(np.zeros(coordinates), abs=1e-5), f"frame {k}"
+        assert np.abs(error[:coordinates]).max() < optimized(), f"frame {k}"
     assert any("frame 30, 'foot2'" in line for line in motion.warnings)
 
 
@@ -166,8 +166,8 @@ def test_joint_angles_of_a_file():
     names = {"hip": "hip_r", "knee": "-knee_r", "ankle": "ankle_r"}
     whole = kd.BodyTrack(times, angles=angles)
     at = kd.fit_motion(whole, leg, angles=names, contact=0.2).at_contact()
-    assert at.posture.q == pytest.approx([0.5, 0.84, 0.0], abs=1e-6)
-    assert at.v == pytest.approx([1.0, -1.6, 0.0], abs=1e-4)
+    assert at.posture.q == pytest.approx([0.5, 0.84, 0.0], abs=optimized(1e-7))
+    assert at.v == pytest.approx([1.0, -1.6, 0.0], abs=optimized(1e-5))
     assert np.degrees(at.q_deviations).max() < 0.5  # of one angle
     moving = kd.fit_motion(whole, leg.with_base_velocity((4, 0, 0)), angles=names, contact=0.2)
     assert moving.at_contact().foot_velocity - at.foot_velocity == pytest.approx([4, 0, 0])

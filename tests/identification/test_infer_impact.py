@@ -39,7 +39,7 @@ def slid(hit):
 
 
 def check_given_back(hit):
-    result, tolerance = inferred_from(hit), 1e-9
+    result, tolerance = inferred_from(hit), closed_form(1e4)
     for name, right in (
         ("impulse", hit.impulse), ("normal", hit.contact.normal), ("friction", slid(hit)),
         ("contact_point", hit.posture.contact_point), ("approach_speed", hit.approach_speed),

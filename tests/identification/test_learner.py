@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import expit, logit
 from scipy.stats import chi2
-from tolerances import agrees, sampled
+from tolerances import agrees, differenced, optimized, sampled
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
@@ -79,11 +79,12 @@ def test_before_the_first_kick_it_knows_the_prior():
     theta = np.array([0, 0, 0, logit(E0), 0, 0])
     assert learner.deviations == pytest.approx(PRIOR)
     assert unknowns_of(learner) == pytest.approx(theta)
-    assert landing(learner.command, theta) == pytest.approx([30.0, 0.0, 1.5], abs=1e-5)
+    assert landing(learner.command, theta) == pytest.approx([30.0, 0.0, 1.5], abs=optimized())
     by = slopes(learner.command, theta)[:2]
     scatter = 0.02**2 * by[:, 6:] @ by[:, 6:].T + 0.5**2 * np.eye(2)
-    agrees(learner.landing_scatter, scatter, 1e-4)
-    agrees(learner.landing_uncertainty, (by[:, :6] * PRIOR_SIZES**2) @ by[:, :6].T, 1e-4)
+    agrees(learner.landing_scatter, scatter, 100 * differenced(1))
+    uncertain = (by[:, :6] * PRIOR_SIZES**2) @ by[:, :6].T
+    agrees(learner.landing_uncertainty, uncertain, 100 * differenced(1))
     assert not learner.is_done
 
 
@@ -135,7 +136,7 @@ def test_kicks_of_a_leg_are_learned():
         seen = landing(learner.command, truth)
         misses.append(np.linalg.norm(seen[:2] - goal.target[:2]))
         assert learner.command.status == "met"
-        assert learner.command.landing_error < 1e-6
+        assert learner.command.landing_error < optimized(1e-7)
         e = learner.command.impact.contact.restitution
         assert e == pytest.approx(learner.estimates["restitution"])
         # the path that is expected is the flight in the world that is known

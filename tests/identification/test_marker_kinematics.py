@@ -128,4 +128,4 @@ def test_the_deviation_of_places_is_that_of_their_means_in_the_axes_of_the_segme
     fitted = FittedLeg(leg, {}, places, 0.0 * points, np.zeros((0, 0)))
     square = 12 / (12 - 6) * np.mean(points[:4] ** 2) * (c**2 - 2 * d**2 / (n - 1))
     right = np.sqrt(square) if c < 0.5 else 0.0
-    assert place_deviation(fitted, measured, frames) == pytest.approx(right, rel=1e-6)
+    assert place_deviation(fitted, measured, frames) == pytest.approx(right, rel=optimized(1e-7))

@@ -36,7 +36,7 @@ def test_files_are_those_of_the_script_and_the_truth_is_beside_them(number):
     truth = [np.linalg.norm(hit.foot_velocity), hit.ball_after.speed]
     truth += [sizes[joint] for joint in ("hip", "knee", "ankle")]
     rows = re.findall(r"\| (\d+\.\d+) \| (\d+\.\d+) \|", (DATA / "README.md").read_text("utf-8"))
-    assert [float(row[number]) for row in rows] == pytest.approx(truth, rel=1e-3)
+    assert [float(row[number]) for row in rows] == pytest.approx(truth, rel=1e-3)  # digits
 
 
 def test_the_ground_of_a_measured_match_is_as_fifa_requires():

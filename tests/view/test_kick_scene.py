@@ -103,7 +103,7 @@ def test_the_whole_kick_is_shown_in_some_seconds(duration, speed, backswing):
     pace = kick_scene.kick_pace(impact, duration, backswing)
     assert 3.9 < len(pace.times) / kick_scene.RATE < pace.end / kick_scene.RATE < 7.0
     assert (np.diff(pace.times) > 0).all()
-    assert pace.times[pace.impact] == pytest.approx(0, abs=1e-12)
+    assert pace.times[pace.impact] == pytest.approx(0, abs=closed_form(10))
     if backswing is not None:
         assert pace.times[0] == pytest.approx(-backswing)
         assert pace.times[-1] >= duration * (1 - closed_form())
@@ -113,7 +113,7 @@ def test_the_whole_kick_is_shown_in_some_seconds(duration, speed, backswing):
         # a hard strike is shown slower than its flight, a slow one in one pace
         assert -pace.times[0] == pytest.approx(min(swing, 1.2 / 2.8 * (duration or math.inf)))
     shown = np.interp(np.arange(len(pace.times)) / kick_scene.RATE, *pace.knots.T)
-    np.testing.assert_allclose(shown, pace.times, rtol=1e-9, atol=1e-12 * pace.times[-1])
+    assert shown == pytest.approx(pace.times, abs=closed_form(100) * pace.times[-1])
 
 
 def test_the_leg_passes_the_impact_with_its_velocities_within_its_limits(make_kick):
@@ -137,7 +137,7 @@ def test_a_support_stays_where_it_is():
     data, places = leg.model.createData(), []
     for time in (0.0, -0.1, 0.05, 3.0):
         q = kick_scene.leg_configuration(hit, time)
-        assert pin.isNormalized(leg.model, q, 1e-9)
+        assert pin.isNormalized(leg.model, q, closed_form(1e4))
         pin.framesForwardKinematics(leg.model, data, q)
         places.append(data.oMf[leg.model.getFrameId(foot)].homogeneous)
     np.testing.assert_allclose(places, [places[0]] * 4, atol=closed_form(1e3))

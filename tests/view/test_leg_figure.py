@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 import trimesh
 import yourdfpy
-from drawn_scene import DrawnScene, check_joints
+from drawn_scene import SINGLE, DrawnScene, check_joints
 from tolerances import agrees, closed_form
 
 import kickdyn as kd
@@ -69,8 +69,8 @@ def test_every_joint_is_at_its_pose_and_all_parts_are_within_the_corners():
     scene, corners = drawn(leg, q)
     check_joints(scene, "leg", leg, q)
     meshes = [scene.vertices(node) for node in scene.objects if "data" in scene.shape(node)]
-    assert (np.vstack(meshes) > corners.min(axis=0) - 1e-5).all()
-    assert (np.vstack(meshes) < corners.max(axis=0) + 1e-5).all()
+    assert (np.vstack(meshes) > corners.min(axis=0) - 10 * SINGLE).all()
+    assert (np.vstack(meshes) < corners.max(axis=0) + 10 * SINGLE).all()
 
 
 @pytest.mark.parametrize(
@@ -85,8 +85,8 @@ def test_shapes_have_their_size_and_place(leg_looking_like, tmp_path, tag, half)
     visual = f'<visual><origin xyz="0 0 0.7"/><geometry><!-- -->{tag}</geometry></visual>'
     _, corners = drawn(leg_looking_like(visual), np.zeros(2))
     top = corners[corners[:, 2] > 1.3]
-    agrees(top.max(axis=0), np.add((0, 0, 1.7), half), 1e-6)
-    agrees(top.min(axis=0), np.subtract((0, 0, 1.7), half), 1e-6)
+    agrees(top.max(axis=0), np.add((0, 0, 1.7), half), SINGLE)
+    agrees(top.min(axis=0), np.subtract((0, 0, 1.7), half), SINGLE)
 
 
 @pytest.mark.parametrize(

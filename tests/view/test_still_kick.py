@@ -69,4 +69,4 @@ def test_impulses_on_the_ellipsoid_take_the_same_energy():
         assert 0.5 * jump @ mass @ jump == pytest.approx(0.5, rel=closed_form(1e3))
     radii, axes = impulse_ellipsoid(kick().posture)
     (flat,) = np.flatnonzero(radii == 0)
-    np.testing.assert_allclose(np.abs(axes[:, flat]), (0, 1, 0), atol=1e-9)
+    np.testing.assert_allclose(np.abs(axes[:, flat]), (0, 1, 0), atol=closed_form(1e4))

@@ -21,7 +21,7 @@ def test_contact_times_and_stiffness_by_closed_forms(e):
     k, m, speed = 3e5, 0.37, 12.0
     crush = (5 * m * speed**2 / (4 * k)) ** 0.4
     hertz = 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9) * crush / speed
-    assert hertz == pytest.approx(2.9432 * crush / speed, rel=1e-4)
+    assert hertz == pytest.approx(2.9432 * crush / speed, rel=1e-4)  # digits
     time = contact_time_of(ForceModel(k, e), m, speed)
     assert time == pytest.approx((1 + e) / 2 * hertz, rel=closed_form())
     assert kd.contact_stiffness(time, m, speed, e) == pytest.approx(k, rel=closed_form())

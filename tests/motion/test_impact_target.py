@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tolerances import agrees, differenced
+from tolerances import agrees, closed_form, differenced
 
 import kickdyn as kd
 from kickdyn.motion.impact_target import impact_target_for, trapped_ball
@@ -34,12 +34,12 @@ def test_the_strike_gives_what_was_wished_for(speed, restitution, friction, spin
     v = POSTURE.joint_velocity(target.foot_velocity(POSTURE, share))
     motion = {"ball_velocity": before.velocity, "ball_spin": before.spin}
     hit = kd.strike(POSTURE, v, BALL, target.contact, **motion)
-    agrees(hit.ball_after.velocity, before.velocity + share * change, 1e-11)
-    assert hit.ball_after.spin == pytest.approx(before.spin + share * spin, abs=1e-9)
+    agrees(hit.ball_after.velocity, before.velocity + share * change, closed_form(100))
+    assert hit.ball_after.spin == pytest.approx(before.spin + share * spin, abs=closed_form(1e4))
     up, left = target.contact_offset
     level = np.array([*change[:2], 0]) / np.hypot(*change[:2])
     arm = -BALL.radius * hit.contact.normal
-    assert (up, left) == pytest.approx((arm[2], np.cross([0, 0, 1], level) @ arm), abs=1e-12)
+    agrees([up, left], [arm[2], np.cross([0, 0, 1], level) @ arm], closed_form(10))
 
 
 def test_the_gain_is_the_derivative_of_the_foot_velocity():
@@ -57,9 +57,9 @@ def test_a_trapped_ball_keeps_the_spin_that_friction_cannot_brake():
         ball = trapped_ball(wish, before, BALL, contact)
         impulse = BALL.mass * (wish.velocity - before.velocity)
         along = impulse / np.linalg.norm(impulse)
-        agrees(ball.spin @ along, before.spin @ along, 1e-12)
+        agrees(ball.spin @ along, before.spin @ along, closed_form(10))
         change, braked = ball.spin - before.spin, np.cross(before.spin, along)
-        assert np.cross(change, braked) @ braked == pytest.approx(0, abs=1e-9)
+        assert np.cross(change, braked) @ braked == pytest.approx(0, abs=closed_form(1e4))
         most = np.sin(np.arctan(0.4)) * BALL.radius * np.linalg.norm(impulse) / BALL.inertia
         expected = min(np.linalg.norm(braked), most)
-        assert np.linalg.norm(change) == pytest.approx(expected, rel=1e-8)
+        assert np.linalg.norm(change) == pytest.approx(expected, rel=closed_form(1e5))

@@ -9,7 +9,7 @@ import pytest
 from planned_motions import AIR, BALL, HUMAN, SOLE, standing, swinging, waist
 from scipy.integrate import solve_ivp
 from scipy.spatial import ConvexHull
-from tolerances import agrees
+from tolerances import agrees, closed_form, integrated, optimized
 
 import kickdyn as kd
 from kickdyn.planning import kick
@@ -38,13 +38,13 @@ def check_limits(plan):
 def check_impact(plan):
     motion, impact = plan.motion, plan.impact
     hit = kd.strike(plan.leg.posture(plan.q), plan.v, BALL, plan.impact_target.contact)
-    agrees(hit.ball_after.velocity, plan.launch.velocity, 1e-9)
-    assert plan.landing_error < 1e-8
-    assert motion.q(0.0) == pytest.approx(plan.q, abs=1e-12)
-    assert motion.v(0.0) == pytest.approx(plan.v, abs=1e-12)
-    assert motion.v_after == pytest.approx(impact.v_after, abs=1e-9)
+    agrees(hit.ball_after.velocity, plan.launch.velocity, optimized(1e-10))
+    assert plan.landing_error < optimized(1e-9)
+    assert motion.q(0.0) == pytest.approx(plan.q, abs=closed_form(10))
+    assert motion.v(0.0) == pytest.approx(plan.v, abs=closed_form(10))
+    assert motion.v_after == pytest.approx(impact.v_after, abs=optimized(1e-10))
     for t in (motion.begin, motion.end):
-        assert np.abs(motion.v(t)).max() < 1e-9
+        assert np.abs(motion.v(t)).max() < optimized(1e-10)
 
 
 @pytest.mark.slow
@@ -73,14 +73,14 @@ def test_its_torques_move_the_leg_so_and_their_square_is_its_value():
     for first, last in pairwise(np.unique(motion.before.t)):  # smooth in between
         inside = (first, last - 1e-12)
         state = solve_ivp(slope, inside, state, rtol=1e-10, atol=1e-11).y[:, -1]
-    assert state[:n] == pytest.approx(motion.q(0.0), abs=1e-6)
-    assert state[n:] == pytest.approx(motion.v(0.0), abs=1e-5)
+    assert state[:n] == pytest.approx(motion.q(0.0), abs=integrated(1e-8))
+    assert state[n:] == pytest.approx(motion.v(0.0), abs=integrated(1e-7))
     total = 0.0
     for begin, end in ((motion.begin, 0.0), (1e-9, motion.end)):
         times = np.linspace(begin, end, 2000)
         use = np.array([motion.torque(t) for t in times]) / plan.leg.effort_limit
         total += np.trapezoid((use**2).mean(axis=1), times)
-    assert plan.value == pytest.approx(total, rel=1e-2)
+    assert plan.value == pytest.approx(total, rel=1e-2)  # of trapezoids
 
 
 @pytest.mark.slow
@@ -89,7 +89,7 @@ def test_a_goal_beyond_the_leg_gives_a_share_of_its_launch_and_names_what_holds_
     plan = kd.plan_kick(HUMAN, goal, BALL, AIR, motion=True)
     assert plan.status == "beyond-limits"
     assert 0.9 < plan.share < 1.0
-    agrees(plan.impact.ball_after.velocity, plan.share * plan.launch.velocity, 1e-7)
+    agrees(plan.impact.ball_after.velocity, plan.share * plan.launch.velocity, optimized(1e-8))
     check_limits(plan)
     assert re.search(r"(speed|torque|range) of \w+", plan.motion.warnings[0])
 
@@ -107,7 +107,7 @@ def test_a_robot_on_one_foot_keeps_what_the_ground_can_supply():
     motion = plan.motion
     sole = plan.leg.supports[0].sole
     corners = np.array([place_of(motion, 0.0).act(corner) for corner in sole])
-    assert np.abs(corners[:, 2]).max() < 1e-9
+    assert np.abs(corners[:, 2]).max() < optimized(1e-10)
     edges = ConvexHull(corners[:, :2]).equations
     ball = plan.impact.ball_before.position
     for t in times_of(motion, 150):
@@ -117,7 +117,7 @@ def test_a_robot_on_one_foot_keeps_what_the_ground_can_supply():
         centre = np.array([-moment[1], moment[0]]) / force[2]
         assert (edges[:, :2] @ centre + edges[:, 2]).max() <= -3e-3, t  # inside the sole
         apart = place_of(motion, t).homogeneous - motion.placement.homogeneous
-        assert np.abs(apart).max() < 1e-9
+        assert np.abs(apart).max() < optimized(1e-10)
         q = motion.q(t)
         assert find_self_collisions(plan.leg, q) == {}
         assert t > 0 or find_ball_overlaps(plan.leg.posture(q), ball, BALL.radius) == {}
@@ -131,15 +131,15 @@ def test_joints_at_rest_give_way_in_the_impact_and_return_within_their_limits():
     motion, names = plan.motion, [f"waist_{axis}_joint" for axis in ("yaw", "roll", "pitch")]
     columns = [plan.leg.velocity_index(name) for name in names]
     assert not {*names} & {*motion.joints}
-    assert np.abs(motion.v(0.0)[columns]).max() < 1e-12
+    assert np.abs(motion.v(0.0)[columns]).max() < closed_form(10)
     assert np.abs(motion.v_after[columns]).max() > 0.1
-    assert motion.q(motion.end)[np.add(columns, 1)] == pytest.approx(np.zeros(3), abs=1e-12)
+    assert np.abs(motion.q(motion.end)[np.add(columns, 1)]).max() < closed_form(10)
     for t in times_of(motion, 150):
         use = np.abs(motion.torque(t))[6:] / plan.leg.effort_limit[6:]
         assert (use <= 1.0).all(), t
         for name, column in zip(names, columns, strict=True):
             margin = motion.margins(t)[f"torque of {name}"]
-            assert margin == pytest.approx(1.0 - use[column - 6], abs=1e-9)
+            assert margin == pytest.approx(1.0 - use[column - 6], abs=closed_form(1e4))
 
 
 @pytest.mark.slow
@@ -147,7 +147,7 @@ def test_a_motion_is_planned_again_for_a_launch_nearby():
     plan = swinging()
     wished = 1.005 * plan.impact.ball_after.velocity + (0.0, 0.0, 0.05)
     again = kick.replan_motion(plan, wished)
-    agrees(again.impact.ball_after.velocity, wished, 1e-9)
-    assert again.motion.v_after == pytest.approx(again.impact.v_after, abs=1e-6)
+    agrees(again.impact.ball_after.velocity, wished, optimized(1e-10))
+    assert again.motion.v_after == pytest.approx(again.impact.v_after, abs=optimized(1e-7))
     assert np.abs(again.q - plan.q).max() < 0.2
     check_limits(again)

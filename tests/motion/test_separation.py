@@ -2,14 +2,10 @@
 
 import numpy as np
 import pytest
+from tolerances import agrees, closed_form
 
 import kickdyn as kd
-from kickdyn.motion.separation import (
-    WITHIN,
-    Conditions,
-    Surroundings,
-    with_former,
-)
+from kickdyn.motion.separation import WITHIN, Conditions, Surroundings, with_former
 
 LEG = kd.Leg.human()
 Q = np.radians([40.0, 30.0, -20.0])
@@ -51,8 +47,8 @@ def test_conditions_are_of_the_nearest_points_at_the_deepest_and_the_chosen_time
     for column, number in zip(both.parameters.T, (2, 4), strict=True):
         a, depth = pose.act(column[:3]), gaps[number][0].place.depth
         centre = ball_ahead(0.11, distances[number])
-        assert np.linalg.norm(centre - a) == pytest.approx(0.11 - depth, abs=1e-9)
-        assert column[6:] == pytest.approx(a - depth * (pose.rotation @ column[3:6]), abs=1e-9)
+        assert np.linalg.norm(centre - a) == pytest.approx(0.11 - depth, abs=closed_form(1e4))
+        agrees(column[6:], a - depth * (pose.rotation @ column[3:6]), closed_form(1e4))
 
 
 def conditions(joints, times, parameters):

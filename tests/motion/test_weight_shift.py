@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.interpolate import BSpline
-from tolerances import agrees
+from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
 from kickdyn.motion import plan_motion
@@ -31,12 +31,13 @@ def test_the_wrench_is_split_into_parallel_forces_at_both_feet(share):
     place = across + (1 - share) * ANCHORS[0] + share * ANCHORS[1]
     moment = np.cross([*place, 0.0], force) + twist * np.eye(3)[2]
     parts = Feet.split(None, np.concatenate([force, moment]), ANCHORS)
-    agrees(sum(parts), np.concatenate([force, moment]), 1e-12)
+    agrees(sum(parts), np.concatenate([force, moment]), closed_form(10))
     for wrench, weight, anchor in zip(parts, (1 - part, part), ANCHORS, strict=True):
-        agrees(wrench[:3], weight * force, 1e-12)
+        agrees(wrench[:3], weight * force, closed_form(10))
         if weight > 0:
             centre = np.array([-wrench[4], wrench[3]]) / wrench[2]
-            agrees(centre - anchor, place - (1 - part) * ANCHORS[0] - part * ANCHORS[1], 1e-9)
+            right = place - (1 - part) * ANCHORS[0] - part * ANCHORS[1]
+            agrees(centre - anchor, right, closed_form(1e4))
             about = wrench[5] - np.cross([*centre, 0.0], wrench[:3])[2]
             assert about == pytest.approx(weight * twist)
 
@@ -81,12 +82,12 @@ def test_torques_and_the_wrenches_on_both_feet_accelerate_the_robot(shifting):
         q, v, force = motion.q(t), motion.v(t), motion.torque(t)
         assert (np.abs(force[6:]) <= limit).all()
         wrenches = motion.foot_wrenches(t)
-        agrees(sum(wrenches), motion.ground_wrench(t), 1e-12)
+        agrees(sum(wrenches), motion.ground_wrench(t), closed_form(10))
         soles = feet.standing.sole, feet.other.sole
         for frame, wrench, sole in zip(FEET, wrenches, soles, strict=True):
             number = model.getFrameId(frame)
             pin.forwardKinematics(model, data, q, v)
-            assert np.abs(pin.getFrameVelocity(model, data, number).vector).max() < 1e-11
+            assert np.abs(pin.getFrameVelocity(model, data, number).vector).max() < closed_form(100)
             local = pin.updateFramePlacement(model, data, number).actInv(pin.Force(wrench)).vector
             force += pin.computeFrameJacobian(model, data, q, number, pin.LOCAL).T @ local
             if wrench[2] > 1.0:
@@ -96,7 +97,7 @@ def test_torques_and_the_wrenches_on_both_feet_accelerate_the_robot(shifting):
                 assert (centre < sole.max(axis=0) - 3e-3).all()
                 assert np.hypot(*wrench[:2]) < 0.7 * wrench[2]
         rate = (motion.v(t + h) - motion.v(t - h)) / (2 * h)
-        assert pin.aba(model, data, q, v, force) == pytest.approx(rate, abs=2e-4)
+        assert pin.aba(model, data, q, v, force) == pytest.approx(rate, abs=2e-4)  # of differences
         assert min(motion.margins(t).values()) >= 0.0
     assert len(shifting.times) < loaded < 2 * len(shifting.times)
 
@@ -106,18 +107,18 @@ def test_the_weight_goes_from_both_feet_to_one_and_back(shifting):
     motion, shift = shifting.motion, shifting.motion.shift
     weight = 9.81 * pin.computeTotalMass(motion.robot.model)
     at_rest, alone = motion.foot_wrenches(motion.begin), motion.foot_wrenches(0.0)
-    assert [wrench[2] for wrench in at_rest] == pytest.approx([weight / 2] * 2, rel=1e-6)
-    assert [wrench[2] for wrench in alone] == pytest.approx([weight, 0.0], abs=1e-9)
+    assert [wrench[2] for wrench in at_rest] == pytest.approx([weight / 2] * 2, rel=optimized(1e-7))
+    assert [wrench[2] for wrench in alone] == pytest.approx([weight, 0.0], abs=optimized(1e-10))
     ends = [motion.begin, -0.3, 0.0, 0.3, motion.end]
     assert [phase[1:] for phase in motion.phases] == [*pairwise(ends)]
     assert motion.begin == pytest.approx(-0.3 - shift.duration)
     for t in (0.1, 0.4):
-        agrees(motion.q(0.3 + t), motion.q(-0.3 - t), 1e-12)
-        agrees(motion.v(0.3 + t), -motion.v(-0.3 - t), 1e-12)
+        agrees(motion.q(0.3 + t), motion.q(-0.3 - t), closed_form(10))
+        agrees(motion.v(0.3 + t), -motion.v(-0.3 - t), closed_form(10))
     turn = pin.SE3(pin.rpy.rpyToMatrix(0, 0, 0.7), np.array([0.3, 0.1, 0.0]))
     turned = replace(motion, placement=turn * motion.placement)
     for wrench, other in zip(motion.foot_wrenches(-1.0), turned.foot_wrenches(-1.0), strict=True):
-        agrees(other, turn.act(pin.Force(wrench)).vector, 1e-9)
+        agrees(other, turn.act(pin.Force(wrench)).vector, closed_form(1e4))
     lines = replace(shift, duration=0.25).warnings()
     assert any("centre of pressure" in line for line in lines)
 

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import brentq
 from scipy.spatial import ConvexHull
-from tolerances import agrees, optimized
+from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
 from kickdyn.planning.objectives import OBJECTIVES
@@ -29,7 +29,7 @@ def check(plan, goal, height=None):
     leg = plan.leg
     hit = kd.strike(leg.posture(plan.q), plan.v, plan.impact.ball, plan.impact_target.contact)
     agrees(hit.ball_after.velocity, plan.launch.velocity, optimized(1e-10))
-    assert hit.ball_after.spin == pytest.approx(plan.launch.spin, abs=1e-7)
+    assert hit.ball_after.spin == pytest.approx(plan.launch.spin, abs=optimized(1e-8))
     start = hit.ball_after.position
     wall = kd.Plane(start + goal.target, -goal.ahead, "centre")
     path = kd.fly(hit.ball_after, BALL, AIR, kd.Ground(-20.0), 1e-12, plane=wall)
@@ -44,10 +44,10 @@ def check(plan, goal, height=None):
     ]
     speed_use = (np.abs(plan.v) / leg.velocity_limit)[moving].max()
     torque_use = (np.abs(torque) / leg.effort_limit)[moving].max()
-    assert (plan.speed_use, plan.torque_use) == pytest.approx((speed_use, torque_use), rel=1e-9)
+    agrees([plan.speed_use, plan.torque_use], [speed_use, torque_use], closed_form(1e4))
     assert torque_use <= 1
     if height is not None:
-        assert start[2] == pytest.approx(height, abs=1e-4)
+        assert start[2] == pytest.approx(height, abs=optimized(1e-5))
 
 
 def drawn_postures(height, normal, count):
@@ -119,7 +119,7 @@ def test_a_pass_is_struck_and_rolls_to_its_target(leg):
     start = plan.impact.ball_after
     ground = kd.Ground(start.position[2] - BALL.radius, "carpet")
     place = kd.follow(start, BALL, AIR, ground, time_limit=10).sample(2.0).position
-    assert place - start.position == pytest.approx(goal.target, abs=1e-5)
+    assert place - start.position == pytest.approx(goal.target, abs=optimized())
     assert plan.landing_error < 1e-3
 
 
@@ -128,10 +128,10 @@ def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
     plan = kd.plan_kick(HUMAN, goal, BALL, AIR)
     assert plan.status == "beyond-limits"
     assert 0.3 < plan.share < 0.8
-    agrees(plan.impact.ball_after.velocity, plan.share * plan.launch.velocity, 1e-7)
+    agrees(plan.impact.ball_after.velocity, plan.share * plan.launch.velocity, optimized(1e-8))
     assert plan.speed_use == pytest.approx(1, abs=1e-3)
     start, end = plan.impact.ball_after.position, plan.path.landing.position
-    assert end[2] == pytest.approx(start[2], abs=1e-9)
+    assert end[2] == pytest.approx(start[2], abs=closed_form(1e4))
     assert plan.landing_error == pytest.approx(100 - (end - start)[0])
     lifted = kd.plan_kick(HUMAN, goal, BALL, AIR, limits=False)
     assert lifted.status == "met"
@@ -178,16 +178,16 @@ def test_a_standing_robot_kicks_a_ball_on_the_ground_from_its_foot(standing):
     again = kd.strike(
         standing.leg.posture(standing.q), standing.v, BALL, standing.impact_target.contact
     )
-    agrees(again.ball_after.velocity, standing.launch.velocity, 1e-9)
+    agrees(again.ball_after.velocity, standing.launch.velocity, optimized(1e-10))
     assert standing.landing_error < PLACE
-    assert standing.impact.ball_before.position[2] == pytest.approx(BALL.radius, abs=1e-4)
+    assert abs(standing.impact.ball_before.position[2] - BALL.radius) < optimized(1e-5)
     foot = frame_pose(standing.leg, standing.q, FOOT)
     corners = standing.leg.constraints.supports[0].sole @ foot.rotation.T + foot.translation
-    assert corners[:, 2] == pytest.approx(0.0, abs=1e-12)
+    assert corners[:, 2] == pytest.approx(0.0, abs=closed_form(10))
     centre = pin.centerOfMass(standing.leg.model, standing.leg.model.createData(), standing.q)[:2]
     edges = ConvexHull(corners[:, :2]).equations
     inside = -(edges[:, :2] @ centre + edges[:, 2]).max()
-    assert standing.balance == pytest.approx(inside, abs=1e-9)
+    assert standing.balance == pytest.approx(inside, abs=closed_form(1e4))
     assert inside >= 0
     assert not standing.leg.outside_range(standing.q)
     assert (np.abs(standing.v[6:]) <= standing.leg.velocity_limit[6:]).all()

@@ -4,7 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
-from tolerances import agrees, optimized
+from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
 from kickdyn.planning.intercepting_kick import KickSettings
@@ -28,7 +28,7 @@ def struck_again(plan, incoming):
     ball = course.sample(plan.meeting.time - incoming.time)
     posture, contact = plan.leg.posture(plan.q), plan.impact.contact
     touching = posture.contact_point + BALL.radius * contact.normal
-    assert touching == pytest.approx(ball.position, abs=1e-8)
+    assert touching == pytest.approx(ball.position, abs=optimized(1e-9))
     assert not plan.leg.outside_range(plan.q)
     motion = {"ball_velocity": ball.velocity, "ball_spin": ball.spin}
     return ball, kd.strike(posture, plan.v, BALL, contact, **motion)
@@ -38,11 +38,11 @@ def check(plan, goal, incoming):
     """Follow, strike and fly again, by the public names only."""
     _, hit = struck_again(plan, incoming)
     agrees(hit.ball_after.velocity, plan.launch.velocity, optimized(1e-9))
-    assert hit.ball_after.spin == pytest.approx(plan.launch.spin, abs=1e-7)
+    assert hit.ball_after.spin == pytest.approx(plan.launch.spin, abs=optimized(1e-8))
     wall = kd.Plane(incoming.position + goal.target, -goal.ahead, "centre")
     path = kd.fly(hit.ball_after, BALL, AIR, kd.Ground(-20.0), 1e-12, plane=wall)
-    assert path.landing.position == pytest.approx(incoming.position + goal.target, abs=1e-6)
-    assert path.duration == pytest.approx(goal.time, abs=1e-6)
+    agrees(path.landing.position, incoming.position + goal.target, optimized(1e-8))
+    assert path.duration == pytest.approx(goal.time, abs=optimized(1e-7))
     assert plan.speed_use <= 1.0
 
 
@@ -59,7 +59,7 @@ def test_a_rolling_ball_is_met_at_the_cheapest_of_the_meetings(rolling):
     assert pickle.loads(pickle.dumps(rolling)).meeting.time == rolling.meeting.time
     chosen = kd.IncomingBall(ROLLING, meet_at=rolling.meeting.ball.position)
     again = kd.plan_kick(HUMAN, GOAL, BALL, AIR, incoming=chosen)
-    assert again.meeting.time == pytest.approx(rolling.meeting.time, abs=1e-6)
+    assert again.meeting.time == pytest.approx(rolling.meeting.time, abs=optimized(1e-7))
     assert again.speed_use <= rolling.speed_use * 1.01
 
 
@@ -106,9 +106,9 @@ def test_a_ball_that_is_seen_again_is_met_at_the_same_time(rolling):
     place, time = later.position + 0.004 * np.eye(3)[0], ROLLING.time + 0.02
     seen = kd.BallState(place, later.velocity * 1.004, later.spin, time)
     again = rolling.replan(incoming=seen)
-    assert again.meeting.time == pytest.approx(rolling.meeting.time, abs=1e-12)
+    assert again.meeting.time == pytest.approx(rolling.meeting.time, abs=closed_form(10))
     check(again, GOAL.seen_from(seen.position - ROLLING.position, 0.02), seen)
-    agrees(again.target_position, rolling.target_position, 1e-12)
+    agrees(again.target_position, rolling.target_position, closed_form(10))
     with pytest.raises(kd.InvalidInput, match="at least 99"):
         rolling.replan(incoming=kd.BallState(later.position, later.velocity, time=99.0))
 
@@ -127,9 +127,9 @@ def test_where_a_ball_is_and_how_it_moves_away(ball, word):
     kick = balls.at(0.1)
     velocity, launch = kick.before.velocity, kick.launch.velocity
     impulse = launch - velocity
-    agrees(kick.target.impulse, BALL.mass * impulse, 1e-12)
+    agrees(kick.target.impulse, BALL.mass * impulse, closed_form(10))
     target = ball.position + goal.target + (0.1 + 0.9) * running
-    agrees(kick.before.position + kick.goal.target, target, 1e-12)
+    agrees(kick.before.position + kick.goal.target, target, closed_form(10))
     across = np.array([-impulse[1], impulse[0], 0.0]) / np.hypot(*impulse[:2])
     assert balls.beside(0.1) == pytest.approx(float(kick.before.position @ across))
     away, along = velocity @ impulse, velocity @ launch / np.linalg.norm(launch)
@@ -161,8 +161,8 @@ def test_a_ball_that_rests_before_it_was_to_be_met_is_met_where_it_rests(rolling
     course = kd.follow(slow, BALL, AIR, ground)
     assert course.duration < rolling.meeting.time - ROLLING.time
     met = rolling.replan(incoming=slow).meeting.ball
-    agrees(met.position, course.rest.position, 1e-9)
-    assert met.velocity == pytest.approx(np.zeros(3), abs=1e-9)
+    agrees(met.position, course.rest.position, closed_form(1e4))
+    assert met.velocity == pytest.approx(np.zeros(3), abs=closed_form(1e4))
 
 
 @pytest.mark.parametrize(
@@ -178,13 +178,14 @@ def test_a_trapped_ball_has_the_wished_velocity(leg, incoming, velocity):
     """The spin along the impulse stays, and friction takes of the other part what it can."""
     plan = kd.plan_trap(leg, incoming, BALL, AIR, velocity=velocity)
     ball, hit = struck_again(plan, incoming)
-    assert hit.ball_after.velocity == pytest.approx(velocity, abs=1e-8)
+    assert hit.ball_after.velocity == pytest.approx(velocity, abs=optimized(1e-9))
     along = hit.impulse / np.linalg.norm(hit.impulse)
-    assert hit.ball_after.spin @ along == pytest.approx(ball.spin @ along, abs=1e-7)
+    assert hit.ball_after.spin @ along == pytest.approx(ball.spin @ along, abs=optimized(1e-8))
     remaining = np.linalg.norm(np.cross(hit.ball_after.spin, along))
     pressed = hit.impulse @ plan.impact.contact.normal
     rubbed = np.linalg.norm(hit.impulse - pressed * plan.impact.contact.normal)
-    assert remaining < 1e-7 or rubbed == pytest.approx(0.4 * pressed, rel=1e-7)
-    assert plan.velocity_error < 1e-8
+    near = optimized(1e-8)
+    assert remaining < near or rubbed == pytest.approx(0.4 * pressed, rel=near)
+    assert plan.velocity_error < optimized(1e-9)
     with pytest.raises(kd.InvalidInput, match="no target"):
         _ = plan.landing_error

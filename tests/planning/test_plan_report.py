@@ -9,12 +9,7 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.plan_report import (
-    PlanReport,
-    describe_passage,
-    score,
-    verdict,
-)
+from kickdyn.planning.plan_report import PlanReport, describe_passage, score, verdict
 from kickdyn.scene.pitch import Wall
 
 LEG, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
@@ -105,8 +100,8 @@ def test_beyond_limits_names_them_and_where_the_ball_comes_down(weak):
     assert f"{50 - path.range:.3g} m from the target" in said
     assert f"{weak.share:.0%}" in said
     reached, wished = PlanReport(weak).table()[:2]
-    assert numbers(reached)[0] == pytest.approx(weak.impact.ball_after.speed, abs=1e-4)
-    assert numbers(wished)[0] == pytest.approx(weak.launch.speed, abs=1e-4)
+    assert numbers(reached)[0] == pytest.approx(weak.impact.ball_after.speed, abs=1e-4)  # digits
+    assert numbers(wished)[0] == pytest.approx(weak.launch.speed, abs=1e-4)  # digits
 
 
 @pytest.fixture(scope="module")

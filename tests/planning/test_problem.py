@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tolerances import closed_form
 
 from kickdyn.planning.problem import TOLERANCE, Bounds, Function, Kind, Problem, slsqp
 
@@ -78,14 +79,14 @@ def test_a_polished_solution_is_the_nearest_point_of_the_circle_in_all_digits(ki
     if kind == Kind.INEQUALITY:  # reached, as a solver leaves it
         rough /= np.linalg.norm(rough)
     polished = problem(Distance(*place), Circle(kind)).polish(rough)
-    assert polished == pytest.approx((0.6, -0.8), abs=1e-13)
+    assert polished == pytest.approx((0.6, -0.8), abs=closed_form())
 
 
 def test_a_bound_that_is_reached_stays_so_when_a_solution_is_polished():
     box = Box((-9.0, -9.0), (0.2, 9.0))
     bounded = problem(Distance(0.3, -0.4), Circle(Kind.EQUALITY), box)
     polished = bounded.polish(np.array([0.2, -0.97979]))
-    assert polished == pytest.approx((0.2, -np.sqrt(0.96)), abs=1e-13)
+    assert polished == pytest.approx((0.2, -np.sqrt(0.96)), abs=closed_form())
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from tolerances import agrees
+from tolerances import agrees, closed_form
 
 import kickdyn as kd
 from kickdyn.impact.approach import find_approach
@@ -59,21 +59,21 @@ def test_mujoco_has_the_same_leg_and_ball(kick):
     energy = 0.5 * kick.v @ posture.inertia @ kick.v
     energy += 0.5 * ball.mass * before.velocity @ before.velocity
     energy += 0.5 * ball.inertia * before.spin @ before.spin
-    assert 0.5 * data.qvel @ momentum == pytest.approx(energy, rel=1e-9)
+    assert 0.5 * data.qvel @ momentum == pytest.approx(energy, rel=closed_form(1e4))
     foot, normal, place = data.geom("foot"), kick.contact.normal, posture.contact_point
     axis = foot.xmat.reshape(3, 3)[:, 2]
-    agrees(axis, normal, 1e-9)
-    agrees(foot.xpos + 0.1 * axis, place, 1e-9)
-    agrees(data.geom("ball").xpos, place + ball.radius * normal, 1e-9)
+    agrees(axis, normal, closed_form(1e4))
+    agrees(foot.xpos + 0.1 * axis, place, closed_form(1e4))
+    agrees(data.geom("ball").xpos, place + ball.radius * normal, closed_form(1e4))
     velocity = np.zeros(6)
     mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_GEOM, foot.id, velocity, 0)
     at_toe = velocity[3:] + np.cross(velocity[:3], place - foot.xpos)
-    agrees(at_toe, kick.foot_velocity, 1e-9)
+    agrees(at_toe, kick.foot_velocity, closed_form(1e4))
     data.qpos[-4:] = 0.8, 0.0, 0.36, 0.48  # the ball's spin is in the world's axes
     mujoco.mj_forward(model, data)
     ball_id = model.body("ball").id
     mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, ball_id, velocity, 0)
-    agrees(ball_spin(data), velocity[:3], 1e-12)
+    agrees(ball_spin(data), velocity[:3], closed_form(10))
 
 
 def test_a_simulation_that_diverges_or_does_not_end_is_an_error(kick, tmp_path, monkeypatch, capfd):

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from planned_motions import AIR, BALL, HUMAN, standing, swinging
 from scipy.interpolate import BSpline
-from tolerances import agrees, sampled
+from tolerances import agrees, closed_form, sampled
 
 import kickdyn as kd
 from kickdyn.motion.motion import Motion
@@ -50,20 +50,20 @@ def test_the_drives_follow_the_motion_to_the_impact_and_the_ball_flies(plan, run
     assert run.direction_error < math.radians(12)  # ankle and knee give way under the ball
     assert abs(run.delay) < 0.008
     assert 0.005 < run.contact_time < 0.02
-    assert (np.abs(run.torque) <= HUMAN.effort_limit * (1 + 1e-9)).all()
+    assert (np.abs(run.torque) <= HUMAN.effort_limit * (1 + closed_form(1e4))).all()
     still = run.ball_position[run.t <= run.delay]
-    assert np.ptp(still, axis=0).max() < 1e-12
+    assert np.ptp(still, axis=0).max() < closed_form(10)
     velocity = run.ball_after.velocity
     assert run.speed_error == pytest.approx(np.linalg.norm(velocity) / np.linalg.norm(launch) - 1)
     cosine = velocity @ launch / np.linalg.norm(velocity) / np.linalg.norm(launch)
-    assert run.direction_error == pytest.approx(math.acos(cosine), rel=1e-6)
+    assert run.direction_error == pytest.approx(math.acos(cosine), rel=closed_form(1e7))
     end = run.path.landing.position - plan.impact.ball_before.position
     assert run.miss == pytest.approx(np.linalg.norm(end - plan.goal.target))
     free = run.t > run.ball_after.time  # MuJoCo's ball has gravity alone
     assert np.diff(run.ball_position[free, 2], 2) / 0.002**2 == pytest.approx(-9.81, rel=1e-3)
     track = run.track
     start = run.path.launch.position - plan.impact.ball_before.position
-    agrees(track.positions[0], start, 1e-12)
+    agrees(track.positions[0], start, closed_form(10))
     assert track.times[0] == pytest.approx(0.5 * (run.ball_after.time - run.delay))
     use = np.abs(run.torque) / HUMAN.effort_limit
     assert run.margins["torque"] == pytest.approx(1 - use.max())
@@ -82,7 +82,7 @@ def test_a_ball_that_is_not_reached(plan, run, monkeypatch):
 def test_each_kind_of_noise_reaches_the_simulation(plan, run):
     silent = kd.KickNoise(mass=0, friction=0, delay=0, place=0)
     exact = kd.run_in_mujoco(plan, tuning=run.tuning, seed=1, noise=silent)
-    agrees(exact.ball_after.velocity, run.ball_after.velocity, 1e-12)
+    agrees(exact.ball_after.velocity, run.ball_after.velocity, closed_form(10))
     for name, amount in (("mass", 0.1), ("friction", 0.3), ("delay", 0.02), ("place", 0.01)):
         noise = replace(silent, **{name: amount})
         noisy = kd.run_in_mujoco(plan, tuning=run.tuning, seed=1, noise=noise)
@@ -92,7 +92,7 @@ def test_each_kind_of_noise_reaches_the_simulation(plan, run):
         if name == "delay":  # in steps of 2 ms
             assert noisy.delay - run.delay == pytest.approx(drawn.delay, abs=0.0041)
         place = noisy.ball_position[0] - run.ball_position[0]
-        agrees(place, [*drawn.place, 0.0], 1e-9)
+        agrees(place, [*drawn.place, 0.0], closed_form(1e4))
     factors = np.linspace(0.8, 1.3, 3)
     fields = [
         MujocoField(plan.motion, plan.impact, None, run.tuning, Disturbance(x, 1, 1, 0, [0, 0]))
@@ -129,9 +129,9 @@ def test_runs_are_counted_and_their_launches_compared(plan, run):
         runs[k] = replace(runs[k], ball_after=replace(run.ball_after, velocity=velocity))
     noisy = kd.NoisyRuns(tuple(runs), kd.KickNoise())
     assert (noisy.upright, len(noisy.hits)) == (2, 2)
-    agrees(noisy.launch_errors, [[0.1, 0.05, 0.02], [-0.1, -0.03, 0.02]], 1e-9)
+    agrees(noisy.launch_errors, [[0.1, 0.05, 0.02], [-0.1, -0.03, 0.02]], closed_form(1e4))
     assert noisy.means == pytest.approx([0, 0.01, 0.02])
-    assert noisy.deviations == pytest.approx([math.sqrt(0.02), 0.08 / math.sqrt(2), 0], abs=1e-9)
+    agrees(noisy.deviations, [math.sqrt(0.02), 0.08 / math.sqrt(2), 0], closed_form(1e4))
     assert noisy.misses.tolist() == [run.miss, run.miss, math.inf]
 
 
@@ -178,10 +178,11 @@ def test_a_robot_kicks_from_one_foot_and_may_be_turned():
     assert 0.0 < run.margins["friction"] < 1.0
     assert 0.0 <= run.margins["centre of pressure"] < 0.04
     turned, rotation = turn_plan(plan, 0.05), pin.rpy.rpyToMatrix(0, 0, 0.05)
-    agrees(turned.impact.ball_after.velocity, rotation @ plan.impact.ball_after.velocity, 1e-9)
-    agrees(turned.impact.ball_before.position, plan.impact.ball_before.position, 1e-12)
+    right = rotation @ plan.impact.ball_after.velocity
+    agrees(turned.impact.ball_after.velocity, right, closed_form(1e4))
+    agrees(turned.impact.ball_before.position, plan.impact.ball_before.position, closed_form(10))
     again = kd.run_in_mujoco(turned, tuning=run.tuning)
-    agrees(again.ball_after.velocity, rotation @ run.ball_after.velocity, 1e-6)
+    agrees(again.ball_after.velocity, rotation @ run.ball_after.velocity, closed_form(1e7))
     plan = swinging()
     corrected = kd.refine_kick(plan, rounds=1, by="mujoco")
     assert kd.run_in_mujoco(corrected).miss < 0.2 * kd.run_in_mujoco(plan).miss

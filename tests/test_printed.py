@@ -19,7 +19,7 @@ SCALES = {"deg": math.degrees(1.0), "ms": 1e3, "mm": 1e3, "%": 100.0}
 """What a number in SI units is multiplied by for a unit; 1 for the others."""
 
 PATHS = {
-    "impulse on the ball": "impulse", "ball after": "ball_after.velocity",
+    "impulse on the ball": "impulse|impact.impulse", "ball after": "ball_after.velocity",
     "spin after": "ball_after.spin", "foot before": "foot_velocity",
     "ball over foot speed": "speed_ratio", "with all joints free": "free_effective_mass",
     "work of the motors": "motor_work", "condition": "condition|posture.condition",
@@ -48,7 +48,6 @@ FORMULAS = {
     ("track", "lowest corner"): lambda track: track.positions.min(axis=0),
     ("track", "highest corner"): lambda track: track.positions.max(axis=0),
     ("leg", "mass"): lambda leg: sum(body.mass for body in leg.model.inertias),
-    ("posture", "hip"): lambda posture: posture.q[0],
     ("scene", "foot speed"): lambda scene: np.linalg.norm(scene.posture.jacobian @ scene.v),
     ("launch", "time"): lambda launch: launch.flight.duration,
     ("launch", "largest error"): lambda launch: np.abs(launch.errors).max(),
@@ -57,7 +56,10 @@ FORMULAS = {
         lambda plan: np.mean((plan.v / plan.leg.velocity_limit) ** 2),
     ("reach", "-10, 20 deg"): lambda reach: (21.43, 31.3, 44.3),
     ("leg motion", "contact"): lambda motion: (0.14, 0.0014),
-    ("contact motion", "speed of hip"): lambda at: (at.v[0], at.v_deviations[0]),
+    ("leg motion", "frames"): lambda motion: len(motion.times),
+    ("leg motion", "duration"): lambda motion: np.ptp(motion.times),
+    ("body", "frames"): lambda body: len(body.times),
+    ("inferred", "normal"): lambda inferred: inferred.normal,
     ("learner", "landing scatter"): lambda x: math.sqrt(np.trace(x.landing_scatter)),
     ("learner", "landing uncertainty"): lambda x: math.sqrt(np.trace(x.landing_uncertainty)),
     ("tuning", "error, this kick"): lambda tuning: (2.0, 3.0, 0.6),
@@ -69,6 +71,17 @@ FORMULAS = {
     ("body", "duration"): lambda body: 0.09,
 }  # fmt: skip
 """Rows that are computed from attributes, in SI units."""
+
+
+OF_JOINTS = {
+    "speed of ": lambda at, k: (at.v[k], at.v_deviations[k]),
+    "joint ": lambda leg, k: (leg.lower[k], leg.upper[k]),
+    "worst joint, ": lambda hit, k: np.linalg.norm(hit.joint_impulses[k, :3]),
+    "impulse in ": lambda hit, k: (np.linalg.norm(hit.joint_impulses[k, :3]),
+                                   hit.joint_deviations[hit.posture.leg.joint_names[k]]),
+    "": lambda posture, k: posture.q[k],
+}  # fmt: skip
+"""Rows that end with a joint, by what comes before it."""
 
 
 def speeds(run):
@@ -99,9 +112,13 @@ def right_value(name, shown, row):
     for values in ("values", "estimates"):
         if row in getattr(shown, values, {}):
             return getattr(shown, values)[row], deviations[row]
-    if row.startswith("worst joint, "):
-        wrenches = dict(zip(shown.posture.leg.joint_names, shown.joint_impulses, strict=True))
-        return max(np.linalg.norm(wrench[:3]) for wrench in wrenches.values())
+    leg = getattr(shown, "leg", getattr(getattr(shown, "posture", None), "leg", shown))
+    for words, of_joint in OF_JOINTS.items():
+        if row.removeprefix(words) in getattr(leg, "joint_names", ()) and row.startswith(words):
+            return of_joint(shown, leg.joint_names.index(row.removeprefix(words)))
+    if re.match(r"at [\d.]+ m/s", row):  # the restitution of a table over speed
+        k = np.abs(np.array(shown.table)[:, 0] - float(row.split()[1])).argmin()
+        return shown.table[k][1], shown.deviations[k]
     if row.startswith(("impulse by ", "joint impulse by ")):
         kind, source = re.match(r"(.*) by (\w+)", row).groups()
         slopes = getattr(shown, kind.replace(" ", "_") + "s" * (kind != "impulse"))[source]

@@ -86,17 +86,6 @@ def test_a_flight_turns_and_mirrors_with_its_launch(spin, wind, angle, mirror):
     assert image.landing.spin == pytest.approx(mirror * turn @ path.landing.spin, abs=1e-8)
 
 
-@pytest.mark.parametrize("spin", [(0, 0, 0), (10, -40, 20)])
-def test_wind_is_a_moving_frame(spin):
-    wind = np.array([4.0, -3.0, 0])
-    still = kd.fly(launch(spin=spin), BALL, kd.Air(), tol=1e-12)
-    windy = kd.fly(launch(KICK + wind, spin), BALL, kd.Air(wind=wind), tol=1e-12)
-    assert windy.duration == pytest.approx(still.duration, rel=1e-10)
-    carried = still.landing.position + wind * still.duration
-    assert windy.landing.position == pytest.approx(carried, abs=1e-8)
-    assert windy.landing.velocity == pytest.approx(still.landing.velocity + wind, abs=1e-8)
-
-
 # --- where it ends ------------------------------------------------------------------------------
 
 AIRS = {"vacuum": None, "air": kd.Air(), "wind": kd.Air(wind=(2, 3, 0))}

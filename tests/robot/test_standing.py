@@ -13,6 +13,7 @@ from kickdyn.robot.standing import (
     StandingRobot,
     _faces,
     _levelled,
+    _sole,
     hold_support,
     lock_idle_mimics,
     sole_edges,
@@ -122,6 +123,16 @@ def test_the_sole_of_round_feet_is_cut_out_of_their_spheres(tmp_path):
     assert (normals @ middle < offsets).all()
     farthest = (normals @ standing.sole.T).max(axis=1)
     assert farthest == pytest.approx(offsets, abs=1e-12)
+
+
+def test_the_sole_in_a_turned_frame_is_the_same(tmp_path):
+    robot = biped(tmp_path, VISUAL.format(0, 0.02, -0.05, '<box size="0.2 0.08 0.02"/>'))
+    model, joint = robot.model, robot.model.getJointId("left_hip")
+    place = pin.SE3(random_rotation(np.random.default_rng(2)), np.array([0.1, 0.2, 0.3]))
+    pad = model.addFrame(pin.Frame("pad", joint, 0, place, pin.FrameType.OP_FRAME))
+    turned = _sole(robot.with_model(model), kd.Support("pad"), pad, place.rotation)
+    sole = _sole(robot, kd.Support("left"), model.getFrameId("left"), np.eye(3))
+    agrees(turned @ place.rotation.T + place.translation, sole, closed_form(10))
 
 
 @pytest.mark.parametrize(

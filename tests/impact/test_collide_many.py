@@ -75,22 +75,16 @@ def test_rows_without_machine_code():
     assert kd.collide_many(LEG, Q[:0], V[:0], kd.Ball(), inflated).impulse.shape == (0, 3)
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"q": [0.1, 0.2, 0.3]}, r"q has shape \(3,\).*collide"),
-        ({"v": np.ones((3, 3))}, "q has 2 rows and v 3"),
-        ({"contact": [kd.Contact((1, 0, 0))] * 3}, "contact has length 3"),
-        ({"contact": kd.Contact((1, 0, 0), 0.0)}, "restitution is 0.0"),
-        ({"contact_time": 10}, "contact time is 10"),
-        ({"contact_time": 0.01, "stiffness": 1e5}, "only one"),
-        ({"stiffness": "pressure"}, "pressure"),
-        ({"ball": kd.Ball(math.inf)}, "mass is inf"),
-        ({"torque": [1.0]}, "torque has shape"),
-        ({"tol": 1.0}, "tol is 1"),
-        ({"ball_spin": np.ones((3, 3))}, r"ball spin has shape \(3, 3\)"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"q": [0.1, 0.2, 0.3]}, r"q has shape \(3,\).*collide"),
+    ({"v": np.ones((3, 3))}, "q has 2 rows and v 3"),
+    ({"contact": [kd.Contact((1, 0, 0))] * 3}, "contact has length 3"),
+    ({"contact": kd.Contact((1, 0, 0), 0.0)}, "restitution is 0.0"),
+    ({"contact_time": 10}, "contact time is 10"),
+    ({"contact_time": 0.01, "stiffness": 1e5}, "only one"), ({"stiffness": "pressure"}, "pressure"),
+    ({"ball": kd.Ball(math.inf)}, "mass is inf"), ({"torque": [1.0]}, "torque has shape"),
+    ({"tol": 1.0}, "tol is 1"),
+    ({"ball_spin": np.ones((3, 3))}, r"ball spin has shape \(3, 3\)")])  # fmt: skip
 def test_bad_input(changes, words):
     arguments = {"q": Q, "v": V, "ball": kd.Ball(), "contact": kd.Contact((1, 0, 0), 0.5)}
     with pytest.raises(kd.InvalidInput, match=words) as caught:

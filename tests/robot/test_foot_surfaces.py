@@ -29,16 +29,9 @@ def box_foot(folder, y=-0.1):
     return kd.Leg.from_urdf(path, "foot", drives=False)
 
 
-@pytest.mark.parametrize(
-    ("name", "point"),
-    [
-        ("toe", (0.17, 0.01, 0.01)),
-        ("sole_edge", (0.17, 0.01, -0.05)),
-        ("inside", (0.05, 0.06, 0.01)),
-        ("outside", (0.05, -0.04, 0.01)),
-        ("heel", (-0.07, 0.01, 0.01)),
-    ],
-)
+@pytest.mark.parametrize(("name", "point"), [
+    ("toe", (0.17, 0.01, 0.01)), ("sole_edge", (0.17, 0.01, -0.05)), ("inside", (0.05, 0.06, 0.01)),
+    ("outside", (0.05, -0.04, 0.01)), ("heel", (-0.07, 0.01, 0.01))])  # fmt: skip
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_the_surfaces_of_a_box_are_its_edges(tmp_path, name, point, side):
     """Normals to both sides meet in the middle of an edge, the upper one if they rise."""
@@ -96,16 +89,11 @@ def test_a_surface_can_be_given(tmp_path):
     assert load_with_surface("foot:inside", load).frame == "inside"
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("foot:insid", "'insid' of foot .*heel, or X,Y,Z:NX,NY,NZ"),
-        ("foot:1,2,3:4,5", "normal of surface"),
-        ("foot:1,2,3:0,0,0", "normal of surface .*0.0, 0.0, 0.0"),
-        ("fot:toe", "frame 'fot' .*'foot'"),
-        ("shank:toe", "shank .*FootSurface"),
-    ],
-)
+@pytest.mark.parametrize(("text", "said"), [
+    ("foot:insid", "'insid' of foot .*heel, or X,Y,Z:NX,NY,NZ"),
+    ("foot:1,2,3:4,5", "normal of surface"),
+    ("foot:1,2,3:0,0,0", "normal of surface .*0.0, 0.0, 0.0"), ("fot:toe", "frame 'fot' .*'foot'"),
+    ("shank:toe", "shank .*FootSurface")])  # fmt: skip
 def test_bad_surfaces_are_refused(tmp_path, text, said):
     source = box_foot(tmp_path).file.source
     with pytest.raises(kd.InvalidInput, match=f"^[^\n]*{said}[^\n]*$"):

@@ -136,16 +136,10 @@ def test_an_immovable_direction_has_infinite_mass():
         posture.whiten(np.ones((3, 2)))
 
 
-@pytest.mark.parametrize(
-    ("q", "wish", "nearest"),
-    [
-        (STRETCHED, (0, 0, 1), (0.0, 0.0, 0.0)),
-        (STRETCHED, (1, 0, 1), (1.0, 0.0, 0.0)),
-        (STRETCHED, (1e300, 1, 1e300), (1e300, 0.0, 0.0)),
-        (Q, (10, 0.01, 1), (10.0, 0.0, 1.0)),
-        (Q, (10, 2e-8, 1), (10.0, 0.0, 1.0)),
-    ],
-)
+@pytest.mark.parametrize(("q", "wish", "nearest"), [
+    (STRETCHED, (0, 0, 1), (0.0, 0.0, 0.0)), (STRETCHED, (1, 0, 1), (1.0, 0.0, 0.0)),
+    (STRETCHED, (1e300, 1, 1e300), (1e300, 0.0, 0.0)), (Q, (10, 0.01, 1), (10.0, 0.0, 1.0)),
+    (Q, (10, 2e-8, 1), (10.0, 0.0, 1.0))])  # fmt: skip
 def test_a_velocity_out_of_reach_is_refused_with_the_nearest(q, wish, nearest):
     """A planar leg cannot move aside, a stretched one along itself."""
     posture = LEGS["human"][0].posture(q)

@@ -189,17 +189,12 @@ def on(sole):
     return G1.with_supports(kd.Support(FOOT, sole=np.array(sole)))
 
 
-@pytest.mark.parametrize(
-    ("robot", "said"),
-    [
-        (G1, "does not stand"),
-        (G1.with_supports(kd.Support(FOOT, point=True)), "one flat foot"),
-        (G1.with_supports(FOOT).with_loops(("left_knee_link", "pelvis")), "no loops"),
-        (on([(0, 0, 0), (0.1, 0, 0.1), (0, 0.1, 0.0)]), f"{FOOT} .*30 degrees"),
-        (on([*CORNERS, (0.2, 0, 0.05)]), f"{FOOT} .*not in a plane"),
-        (kd.Leg.from_model(G1.model, "toe").with_supports(FOOT), "no sole"),
-    ],
-)
+@pytest.mark.parametrize(("robot", "said"), [
+    (G1, "does not stand"), (G1.with_supports(kd.Support(FOOT, point=True)), "one flat foot"),
+    (G1.with_supports(FOOT).with_loops(("left_knee_link", "pelvis")), "no loops"),
+    (on([(0, 0, 0), (0.1, 0, 0.1), (0, 0.1, 0.0)]), f"{FOOT} .*30 degrees"),
+    (on([*CORNERS, (0.2, 0, 0.05)]), f"{FOOT} .*not in a plane"),
+    (kd.Leg.from_model(G1.model, "toe").with_supports(FOOT), "no sole")])  # fmt: skip
 def test_a_robot_that_cannot_stand_is_refused(robot, said):
     with pytest.raises(kd.InvalidInput, match=said):
         StandingRobot(robot)

@@ -16,9 +16,9 @@ JOINT = """<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/
 <origin xyz="0 {} {}"/><limit lower="-2" upper="2" effort="300" velocity="30"/></joint>"""
 
 
-def box_foot(folder, y=-0.1):
+def box_foot(folder, y=-0.1, shape=BOX):
     """A leg with a foot of 0.24 m x 0.1 m x 0.06 m, its middle (0.05, 0.01, -0.02) m off."""
-    links = [("pelvis", ""), ("hips", ""), ("thigh", ""), ("shank", ""), ("foot", BOX)]
+    links = [("pelvis", ""), ("hips", ""), ("thigh", ""), ("shank", ""), ("foot", shape)]
     joints = [("yaw", "pelvis", "hips", "0 0 1", y, 0), ("hip", "hips", "thigh", "0 1 0", 0, 0)]
     joints += [("knee", "thigh", "shank", "0 1 0", 0, -0.4)]
     joints += [("ankle", "shank", "foot", "0 1 0", 0, -0.4)]
@@ -54,6 +54,15 @@ def test_the_size_of_a_surface_is_what_a_plane_5_mm_deep_cuts_off(tmp_path, name
     height = 0.005 / sine * cosine + 0.005 / cosine * sine
     size = kd.foot_surfaces(box_foot(tmp_path))[name].size
     assert size == pytest.approx([width, height], abs=1e-9)
+
+
+def test_the_size_of_a_surface_of_a_round_foot_is_that_of_its_cap(tmp_path):
+    """The hull of 400 points of a sphere is up to 2 % of the radius inside it."""
+    ball = BOX.replace('box size="0.24 0.1 0.06"', 'sphere radius="0.08"')
+    surface = kd.foot_surfaces(box_foot(tmp_path, shape=ball))["inside"]
+    assert surface.size == pytest.approx(2 * np.sqrt(2 * 0.08 * 5e-3 - 5e-3**2), rel=0.15)
+    reach = (surface.point - [0.05, 0.01, -0.02]) @ surface.normal
+    assert reach == pytest.approx(0.08, rel=0.04)
 
 
 def test_a_robot_by_name_has_the_points_of_its_frames():

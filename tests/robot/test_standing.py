@@ -55,6 +55,9 @@ def random_robot(rng):
     armature = rng.uniform(0.0, 0.1, size=model.nv)
     armature[:6] = 0.0
     model.armature, model.velocityLimit = armature, rng.uniform(1.0, 2.0, size=model.nv)
+    model.effortLimit = rng.uniform(1.0, 2.0, size=model.nv)
+    model.lowerPositionLimit, model.upperPositionLimit = rng.uniform([[-2], [1]], [[-1], [2]],
+                                                                     (2, model.nq))  # fmt: skip
     return kd.Leg.from_model(model, "toe").with_supports(kd.Support("foot", sole=CORNERS))
 
 
@@ -86,6 +89,7 @@ def test_the_rooted_robot_moves_and_weighs_as_the_robot_on_its_support(seed):
         at, to = leg.velocity_index(name), robot.velocity_index(name)
         assert v[at] == whole_v[to]
         assert leg.velocity_limit[at] == robot.velocity_limit[to]
+        assert leg.effort_limit[at] == robot.effort_limit[to]
         assert leg.model.armature[at] == robot.model.armature[to]
         assert leg.joint_values(q)[name] == pytest.approx(robot.joint_values(whole_q)[name])
 
@@ -125,13 +129,19 @@ def test_the_sole_of_round_feet_is_cut_out_of_their_spheres(tmp_path):
     assert farthest == pytest.approx(offsets, abs=1e-12)
 
 
-def test_the_sole_in_a_turned_frame_is_the_same(tmp_path):
-    robot = biped(tmp_path, VISUAL.format(0, 0.02, -0.05, '<box size="0.2 0.08 0.02"/>'))
+def with_pad(robot):
+    """Return a robot with a turned frame at its left foot, its number and place."""
     model, joint = robot.model, robot.model.getJointId("left_hip")
     place = pin.SE3(random_rotation(np.random.default_rng(2)), np.array([0.1, 0.2, 0.3]))
     pad = model.addFrame(pin.Frame("pad", joint, 0, place, pin.FrameType.OP_FRAME))
-    turned = _sole(robot.with_model(model), kd.Support("pad"), pad, place.rotation)
-    sole = _sole(robot, kd.Support("left"), model.getFrameId("left"), np.eye(3))
+    return robot.with_model(model), pad, place
+
+
+def test_the_sole_in_a_turned_frame_is_the_same(tmp_path):
+    robot = biped(tmp_path, VISUAL.format(0, 0.02, -0.05, '<box size="0.2 0.08 0.02"/>'))
+    padded, pad, place = with_pad(robot)
+    turned = _sole(padded, kd.Support("pad"), pad, place.rotation)
+    sole = _sole(robot, kd.Support("left"), robot.model.getFrameId("left"), np.eye(3))
     agrees(turned @ place.rotation.T + place.translation, sole, closed_form(10))
 
 
@@ -156,8 +166,11 @@ def test_a_foot_that_is_tilted_with_joints_at_0_is_turned_level(tmp_path, sole):
 def test_a_foot_stands_on_its_largest_face_within_30_degrees_of_the_ground(tmp_path):
     sizes, degrees = np.array([0.2, 0.08, 0.3]), np.radians([5.0, 25.0, 35.0])
     robot = biped(tmp_path, VISUAL.format(0, 0, -0.05, '<box size="0.2 0.08 0.3"/>'))
-    normals, areas = _faces(robot, robot.model.getFrameId("left"))
-    axes = np.abs(normals).argmax(axis=1)
+    robot, pad, place = with_pad(robot)
+    normals, areas = _faces(robot, pad)
+    along = np.abs(normals @ place.rotation.T)
+    agrees(along.max(axis=1), np.ones(len(along)), 1e-9)
+    axes = along.argmax(axis=1)
     assert set(axes) == {0, 1, 2}
     agrees(areas, np.prod(sizes) / sizes[axes], 1e-9)
     tilted = np.column_stack([np.sin(degrees), np.zeros(3), -np.cos(degrees)])

@@ -79,7 +79,7 @@ def learner():
 
 def inferred():
     hit = one("impact")
-    return kd.infer_impact(POSTURE, V, BALL, hit.ball_before, hit.ball_after)
+    return kd.infer_impact(POSTURE, V, BALL, hit.ball_before, hit.ball_after, joint_deviation=0.03)
 
 
 def body():

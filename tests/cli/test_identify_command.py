@@ -98,14 +98,9 @@ def test_the_segments_are_those_of_the_library(kickdyn, written, tmp_path):
         assert str(measured) in text
 
 
-@pytest.mark.parametrize(
-    ("drag", "fitted", "air"),
-    [
-        ("constant", "drag", kd.Air()),
-        ("goff-carre", "drag_scale", kd.Air(drag="goff-carre")),
-        ("0.15", None, kd.Air(drag=0.15)),
-    ],
-)
+@pytest.mark.parametrize(("drag", "fitted", "air"), [
+    ("constant", "drag", kd.Air()), ("goff-carre", "drag_scale", kd.Air(drag="goff-carre")),
+    ("0.15", None, kd.Air(drag=0.15))])  # fmt: skip
 def test_the_drag_is_fitted_scaled_or_kept(drag, fitted, air, match_ball, kickdyn):
     file = match_ball(2808, 2924)
     line = f"identify match.csv --start 5 --end 60 --drag {drag} --ball 0.41:0.1 --json -"

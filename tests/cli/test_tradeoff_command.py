@@ -11,6 +11,8 @@ from tolerances import closed_form, integrated
 
 import kickdyn as kd
 from kickdyn.cli import function_costs
+from kickdyn.cli.tradeoff_command import effect_figure
+from kickdyn.scene.effects import EffectSize
 from kickdyn.scene.simulate import measure_effects
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -74,6 +76,29 @@ def test_no_function_on_the_front_is_slower_at_equal_error():
     rounding, model = (function_costs.on_front(rows, kind) for kind in ("rounding", "model"))
     assert rounding == {"pin.impulseDynamics, bare", "collide", "strike_many", "fly"}
     assert model == {"pin.impulseDynamics, bare", "strike", "strike_many"}
+    panels = function_costs.cost_figure(rows).axes
+    for axes, kind, front in zip(panels, ("model", "rounding"), (model, rounding), strict=True):
+        shown = [row for row in rows if not math.isnan(getattr(row, kind))]
+        right = [
+            (row.function, row.seconds, getattr(row, kind), row.is_batch, row.function in front)
+            for row in shown
+        ]
+        lines = [line for line in axes.lines if len(line.get_xdata())]
+        assert right == [
+            (text.get_text(), line.get_xdata()[0], line.get_ydata()[0], line.get_marker() == "s",
+             text.get_color() == "black") for text, line in zip(axes.texts, lines, strict=True)
+        ]  # fmt: skip
+
+
+def test_bars_end_where_neglecting_an_effect_moves_the_end():
+    ends = {"drag": 2.0, "spin": 0.0, "law": math.nan, "wind": 0.3}
+    sizes = [EffectSize(*row, 0.0, "none" if row[0] == "law" else "") for row in ends.items()]
+    (axes,) = effect_figure("volley", sizes, 0.07).axes
+    bars = [(b.get_y() + b.get_height() / 2, b.get_x() + b.get_width()) for b in axes.patches]
+    assert np.array(bars) == pytest.approx(np.array([(0, 2.0), (3, 0.3)]))
+    assert axes.lines[0].get_xdata() == [0.07, 0.07]
+    assert [label.get_text() for label in axes.get_yticklabels()] == list(ends)
+    assert [text.get_text() for text in axes.texts] == ["2", "below 1e-09", "no answer", "0.3"]
 
 
 def test_effects_of_a_scene_are_those_of_the_library(kickdyn, tmp_path):

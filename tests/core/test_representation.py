@@ -26,20 +26,10 @@ def test_rows_have_their_unit_and_html_is_escaped():
     assert "&lt;b&gt;mass" in shown._repr_html_()
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (-0.0, "0"),
-        (np.float64(1 / 3), "0.3333"),
-        (np.array([1.0, -0.0, 2.5e-7]), "(1, 0, 2.5e-07)"),
-        (np.array([1.0, -7e-23, 2e-11]), "(1, 0, 2e-11)"),
-        (np.array([3e-17, 0.0]), "(3e-17, 0)"),
-        (True, "yes"),
-        (np.False_, "no"),
-        (7, "7"),
-        (float("inf"), "inf"),
-    ],
-)
+@pytest.mark.parametrize(("value", "text"), [
+    (-0.0, "0"), (np.float64(1 / 3), "0.3333"), (np.array([1.0, -0.0, 2.5e-7]), "(1, 0, 2.5e-07)"),
+    (np.array([1.0, -7e-23, 2e-11]), "(1, 0, 2e-11)"), (np.array([3e-17, 0.0]), "(3e-17, 0)"),
+    (True, "yes"), (np.False_, "no"), (7, "7"), (float("inf"), "inf")])  # fmt: skip
 def test_values_have_four_digits_and_no_rounding_errors(value, text):
     assert format_value(value) == text
 

@@ -36,15 +36,10 @@ def test_number_refuses_other_values(value):
     assert len(str(refused.value)) < 400
 
 
-@pytest.mark.parametrize(
-    ("limits", "inside", "outside", "word"),
-    [
-        ({"above": 0}, 5e-324, 0.0, "above 0"),
-        ({"at_least": 0}, 0.0, -5e-324, "at least 0"),
-        ({"at_most": 1}, 1.0, 1.0 + 2**-52, "at most 1"),
-        ({"at_least": 0, "at_most": 1}, 0.5, -0.1, "at least 0 and at most 1"),
-    ],
-)
+@pytest.mark.parametrize(("limits", "inside", "outside", "word"), [
+    ({"above": 0}, 5e-324, 0.0, "above 0"), ({"at_least": 0}, 0.0, -5e-324, "at least 0"),
+    ({"at_most": 1}, 1.0, 1.0 + 2**-52, "at most 1"),
+    ({"at_least": 0, "at_most": 1}, 0.5, -0.1, "at least 0 and at most 1")])  # fmt: skip
 def test_number_keeps_its_limits_to_the_last_digit(limits, inside, outside, word):
     assert validation.number("x", inside, **limits) == inside
     with pytest.raises(InvalidInput, match=f"^x is {outside!r}.*{word}"):

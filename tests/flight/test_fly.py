@@ -86,17 +86,6 @@ def test_a_flight_turns_and_mirrors_with_its_launch(spin, wind, angle, mirror):
     agrees(image.landing.spin, mirror * turn @ path.landing.spin, integrated(1e-12))
 
 
-@pytest.mark.parametrize("spin", [(0, 0, 0), (10, -40, 20)])
-def test_wind_is_a_moving_frame(spin):
-    wind = np.array([4.0, -3.0, 0])
-    still = kd.fly(launch(spin=spin), BALL, kd.Air(), tol=1e-12)
-    windy = kd.fly(launch(KICK + wind, spin), BALL, kd.Air(wind=wind), tol=1e-12)
-    assert windy.duration == pytest.approx(still.duration, rel=integrated(1e-12))
-    carried = still.landing.position + wind * still.duration
-    agrees(windy.landing.position, carried, integrated(1e-12))
-    agrees(windy.landing.velocity, still.landing.velocity + wind, integrated(1e-12))
-
-
 # --- where it ends ------------------------------------------------------------------------------
 
 AIRS = {"vacuum": None, "air": kd.Air(), "wind": kd.Air(wind=(2, 3, 0))}

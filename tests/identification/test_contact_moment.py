@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from kick_motion import LEG, PLACES, track
+from kick_motion import HIP, KNEE, LEG, PLACES, track
 from tolerances import closed_form, sampled
 
 import kickdyn as kd
@@ -94,10 +94,20 @@ def test_what_is_no_contact_is_refused(contact, message):
 
 
 def test_the_picture_has_the_time_from_the_contact_in_milliseconds():
-    motion = kd.fit_motion(track(200), LEG, PLACES, scale=False, contact=-0.02)
-    angles = motion.plot(["knee"]).axes[0]
-    time, angle = angles.lines[0].get_data()
-    column = LEG.model.idx_qs[LEG.model.getJointId("knee")]
-    right = [np.degrees(motion.q(-0.02 + 1e-3 * t)[column]) for t in time[[0, 100, -1]]]
-    assert angle[[0, 100, -1]] == pytest.approx(right)
-    assert max(line.get_xdata()[-1] for line in angles.lines) >= -1e-9
+    """Each line is an angle [deg] or speed [rad/s], in a band of 1.96 standard deviations."""
+    motion = kd.fit_motion(track(200, until=0.1), LEG, PLACES, scale=False, contact=-0.02)
+    for k, (axes, unit) in enumerate(zip(motion.plot(["knee", "hip"]).axes, (np.degrees(1.0), 1.0),
+                                         strict=True)):  # fmt: skip
+        *lines, _ = axes.lines  # the last one is the contact
+        spans = [span for span in ((-150, -5), (0, 50)) for _ in range(2)]
+        for i, (line, band, span) in enumerate(zip(lines, axes.collections, spans, strict=True)):
+            column, (time, drawn) = (KNEE, HIP)[i % 2], line.get_data()
+            assert time[[0, -1]] == pytest.approx(span, abs=1e-6)
+            edges = band.get_paths()[0].vertices
+            for j in (0, 100, -1):
+                t = -0.02 + 1e-3 * time[j]
+                value = motion.v(t)[column] if k else motion.q(t)[column + 1]  # a quaternion's 4
+                low = value - 1.96 * motion.deviations(t)[k][column]
+                around = edges[np.isclose(edges[:, 0], time[j]), 1]
+                right = unit * np.array([value, low, 2 * value - low])
+                assert [drawn[j], around.min(), around.max()] == pytest.approx(right)

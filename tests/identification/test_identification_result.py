@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tolerances import closed_form, optimized
+from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
 from kickdyn.identification.identification_result import (
@@ -60,6 +60,21 @@ def test_only_flights_that_determine_the_value_count():
     assert mean[3:] == (2, pytest.approx(15.0), pytest.approx(20.0))
     assert f"{mean.mean:.3f} +- {mean.deviation:.3f}" in str(mean)
     assert mean_over_flights(fits[1:], "drag") is None
+
+
+def test_the_picture_has_the_fitted_and_the_measured_positions():
+    """From the side and from above, with the outliers apart; residuals are in centimetres."""
+    measured, residuals = np.random.default_rng(1).normal(size=(2, 4, 3))
+    used, track = np.array([True, True, False, True]), kd.Track(np.arange(4) / 10, measured)
+    fit = result({"drag": 0.2}, [0.01], track=track, used=used, residuals=residuals)
+    *views, rest = fit.plot().axes
+    for axes, across in zip(views, (2, 1), strict=True):
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", f"{'xyz'[across]} [m]")
+        rows = measured + residuals, measured[used], measured[~used]
+        for line, right in zip(axes.lines, rows, strict=True):
+            agrees(np.transpose(line.get_data()), right[:, [0, across]], closed_form())
+    agrees([line.get_ydata() for line in rest.lines], 100 * residuals.T, closed_form())
+    assert all(line.get_xdata().tolist() == track.times.tolist() for line in rest.lines)
 
 
 @pytest.mark.parametrize(

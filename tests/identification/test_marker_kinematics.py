@@ -109,12 +109,12 @@ def test_lengths_change_configurations_by_their_slopes(fitted):
     agrees(leg.slopes(q), expected, differenced())
 
 
-@pytest.mark.parametrize("c", [0.03, 0.6])
+@pytest.mark.parametrize("c", [0.03, 0.4, 0.6])
 def test_the_deviation_of_places_is_that_of_their_means_in_the_axes_of_the_segment(c):
     """A cluster that is wrong by c + d and c - d times its size, in turn, on a body that turns.
 
     Such residuals do not move the body, which 6 of 12 coordinates determine. The variance of a mean
-    of n frames, d^2 / (n - 1), is taken off twice; with 0.06 m, the marker is another one.
+    of n frames, d^2 / (n - 1), is taken off twice. It is 2 cm at most; 0.06 m is another marker.
     """
     leg, d, n = free_body().leg, 0.01, 8
     points = 0.1 * np.vstack([np.eye(3)[:2], -np.eye(3)[:2], np.zeros(3)])
@@ -127,5 +127,5 @@ def test_the_deviation_of_places_is_that_of_their_means_in_the_axes_of_the_segme
     frames = dict(enumerate(map(solve, q, measured, np.isfinite(measured[..., 0]))))
     fitted = FittedLeg(leg, {}, places, 0.0 * points, np.zeros((0, 0)))
     square = 12 / (12 - 6) * np.mean(points[:4] ** 2) * (c**2 - 2 * d**2 / (n - 1))
-    right = np.sqrt(square) if c < 0.5 else 0.0
+    right = min(np.sqrt(square), 0.02) if c < 0.5 else 0.0
     assert place_deviation(fitted, measured, frames) == pytest.approx(right, rel=optimized(1e-7))

@@ -7,7 +7,7 @@ from tolerances import sampled
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.identification.segments import _median
-from kickdyn.identification.segments_result import CutReason, SegmentKind
+from kickdyn.identification.segments_result import CutReason, Measured, SegmentKind
 
 BALL = kd.Ball()
 GROUND = kd.Ground(surface=kd.Surface("test", 0.6, 0.5, 0.8))
@@ -179,3 +179,9 @@ def test_a_ball_on_the_ground_rests_or_rolls(speed, kind, below):
     places = np.column_stack([speed * times, 0.0 * times, np.full(150, BALL.radius - below)])
     track = kd.Track(times, places + np.random.default_rng(1).normal(0, 1e-4, places.shape))
     assert {part.kind for part in kd.segments(track, BALL, GROUND).parts} == {kind}
+
+
+def test_a_lower_bound_is_two_deviations_below_the_largest():
+    bound = Measured(0.5, 0.1, 3, is_lower_bound=True)
+    assert str(bound) == "at least 0.3 (of 3 bounces)"
+    assert str(bound._replace(deviation=0.3, samples=1)) == "at least 0 (of 1 bounce)"

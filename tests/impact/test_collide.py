@@ -315,29 +315,23 @@ def test_a_copy_runs_again_to_the_same_digits(options):
     assert copy.deepcopy(damped).impulse.tolist() == damped.impulse.tolist()
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"contact_time": 0.0}, "contact time is 0"),
-        ({"contact_time": 10}, r"contact time is 10.* at most 0\.1"),
-        ({"contact_time": 1e-12}, "contact time is .*at least 1e-09"),
-        ({"contact_time": 0.01, "stiffness": 1e5}, "only one"),
-        ({"stiffness": -1.0}, "stiffness is -1"),
-        ({"stiffness": 1e3}, "stiffness is 1000 .*radius"),
-        ({"stiffness": "pressure", "ball": kd.Ball(pressure=2e3)}, "pressure is 2000 .*radius"),
-        ({"stiffness": "air"}, "'air': .*'pressure' or 'inflated'"),
-        ({"stiffness": "pressure"}, "ball pressure is None"),
-        ({"stiffness": "inflated"}, "restitution 'inflated'"),
-        ({"tol": 0.1}, r"tol is 0\.1"),
-        ({"torque": [1.0]}, r"torque has shape \(1,\)"),
-        ({"torque": lambda t, q, v: math.nan * v}, "torque is .*finite"),
-        ({"torque": lambda: None}, "torque is .*t, q, v"),
-        ({"contact": kd.Contact((1, 0, 0.3), 0.0)}, r"restitution is 0\.0: .*0\.01"),
-        ({"ball_velocity": (14 - 1e-7, 0, 4)}, "approach speed is .*at least 1e-06"),
-        ({"ball": kd.Ball(math.inf)}, "mass is inf"),
-        ({"model": "disc"}, "model is 'disc'"),
-    ],
-)
+@pytest.mark.parametrize(("options", "words"), [
+    ({"contact_time": 0.0}, "contact time is 0"),
+    ({"contact_time": 10}, r"contact time is 10.* at most 0\.1"),
+    ({"contact_time": 1e-12}, "contact time is .*at least 1e-09"),
+    ({"contact_time": 0.01, "stiffness": 1e5}, "only one"),
+    ({"stiffness": -1.0}, "stiffness is -1"), ({"stiffness": 1e3}, "stiffness is 1000 .*radius"),
+    ({"stiffness": "pressure", "ball": kd.Ball(pressure=2e3)}, "pressure is 2000 .*radius"),
+    ({"stiffness": "air"}, "'air': .*'pressure' or 'inflated'"),
+    ({"stiffness": "pressure"}, "ball pressure is None"),
+    ({"stiffness": "inflated"}, "restitution 'inflated'"), ({"tol": 0.1}, r"tol is 0\.1"),
+    ({"torque": [1.0]}, r"torque has shape \(1,\)"),
+    ({"torque": lambda t, q, v: math.nan * v}, "torque is .*finite"),
+    ({"torque": lambda: None}, "torque is .*t, q, v"),
+    ({"contact": kd.Contact((1, 0, 0.3), 0.0)}, r"restitution is 0\.0: .*0\.01"),
+    ({"ball_velocity": (14 - 1e-7, 0, 4)}, "approach speed is .*at least 1e-06"),
+    ({"ball": kd.Ball(math.inf)}, "mass is inf"),
+    ({"model": "disc"}, "model is 'disc'")])  # fmt: skip
 def test_bad_input(options, words):
     with pytest.raises(kd.InvalidInput, match=words) as caught:
         human(**options)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from chains import floating_leg, in_units, kinetic_energy, rails, random_leg
+from chains import floating_leg, rails, random_leg
 from contacts import random_strikes
 from tolerances import agrees, closed_form, integrated
 
@@ -23,11 +23,11 @@ def machine_code(monkeypatch):
     monkeypatch.setattr(COLLIDE, "pays", lambda _: True)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(4))
 def test_every_row_is_a_contact(seed):
     """Hinges and slides, spring by time and by pressure, points that slip, stick and start to."""
     rng = np.random.default_rng(seed)
-    leg, n = LEG if seed == 0 else random_leg(rng), 20
+    leg, n = {0: LEG, 3: rails("xyz")}.get(seed) or random_leg(rng), 20
     q, v, balls, contacts, motion = random_strikes(rng, leg, n, speed_table=seed == 1)
     if seed != 1:  # no spring has a restitution of 0
         contacts = [kd.Contact(c.normal, max(c.restitution, 0.1), c.friction, c.offset)
@@ -58,39 +58,6 @@ def test_every_row_is_a_contact(seed):
     assert np.bincount(many.status, minlength=4)[1:3].min() > 2
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_the_energy_lost_is_what_leg_and_ball_lack(seed):
-    rng = np.random.default_rng(seed)
-    leg, n = in_units(random_leg(rng), 1.0, 1.0), 20  # without gravity
-    q, v, balls, contacts, motion = random_strikes(rng, leg, n, speed_table=True)
-    many = kd.collide_many(leg, q, v, balls, contacts, contact_time=0.004, tol=1e-9, **motion)
-    rows = np.flatnonzero(many.status < StrikeStatus.NO_IMPACT.flag)
-    assert len(rows) > 4
-    for i in rows:
-        before = kd.BallState(np.zeros(3), *(value[i] for value in motion.values()))
-        after = kd.BallState(many.ball_position[i], many.ball_velocity[i], many.ball_spin[i])
-        energy = kinetic_energy(leg.posture(q[i]), v[i], balls[i], before)
-        lost = energy - kinetic_energy(
-            leg.posture(many.q_after[i]), many.v_after[i], balls[i], after
-        )
-        assert many.energy_lost[i] == pytest.approx(lost, abs=integrated(1e-7) * energy), i
-
-
-def test_two_masses():
-    """Restitution, contact time, energy and Hertz's largest deflection of a mass on a rail."""
-    ball, speed, e = kd.Ball(), np.array([9.0, 3.0]), np.array([0.8, 0.4])
-    contacts = [kd.Contact((1, 0, 0), value) for value in e]
-    many = kd.collide_many(
-        rails(), np.zeros((2, 1)), speed[:, None], ball, contacts, contact_time=0.009, tol=1e-11
-    )
-    mass = 1 / (1 / 2.0 + 1 / ball.mass)
-    agrees(many.contact_time, [0.009] * 2, integrated(1e-10))
-    agrees(many.impulse[:, 0], (1 + e) * mass * speed, integrated(1e-10))
-    agrees(many.energy_lost, 0.5 * mass * speed**2 * (1 - e * e), integrated(1e-10))
-    k = mass / math.sqrt(9.0) * (0.9 * 3.2180 / 0.009) ** 2.5  # Johnson 1985, Eq. 11.24
-    assert many.deflection[0] == pytest.approx((5 * mass * 81.0 / (4 * k)) ** 0.4, rel=1e-4)
-
-
 def test_rows_without_machine_code():
     """A floating leg, an inflated ball, a foot that goes through a ball, and no row."""
     leg = floating_leg(np.random.default_rng(1))
@@ -108,22 +75,16 @@ def test_rows_without_machine_code():
     assert kd.collide_many(LEG, Q[:0], V[:0], kd.Ball(), inflated).impulse.shape == (0, 3)
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"q": [0.1, 0.2, 0.3]}, r"q has shape \(3,\).*collide"),
-        ({"v": np.ones((3, 3))}, "q has 2 rows and v 3"),
-        ({"contact": [kd.Contact((1, 0, 0))] * 3}, "contact has length 3"),
-        ({"contact": kd.Contact((1, 0, 0), 0.0)}, "restitution is 0.0"),
-        ({"contact_time": 10}, "contact time is 10"),
-        ({"contact_time": 0.01, "stiffness": 1e5}, "only one"),
-        ({"stiffness": "pressure"}, "pressure"),
-        ({"ball": kd.Ball(math.inf)}, "mass is inf"),
-        ({"torque": [1.0]}, "torque has shape"),
-        ({"tol": 1.0}, "tol is 1"),
-        ({"ball_spin": np.ones((3, 3))}, r"ball spin has shape \(3, 3\)"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"q": [0.1, 0.2, 0.3]}, r"q has shape \(3,\).*collide"),
+    ({"v": np.ones((3, 3))}, "q has 2 rows and v 3"),
+    ({"contact": [kd.Contact((1, 0, 0))] * 3}, "contact has length 3"),
+    ({"contact": kd.Contact((1, 0, 0), 0.0)}, "restitution is 0.0"),
+    ({"contact_time": 10}, "contact time is 10"),
+    ({"contact_time": 0.01, "stiffness": 1e5}, "only one"), ({"stiffness": "pressure"}, "pressure"),
+    ({"ball": kd.Ball(math.inf)}, "mass is inf"), ({"torque": [1.0]}, "torque has shape"),
+    ({"tol": 1.0}, "tol is 1"),
+    ({"ball_spin": np.ones((3, 3))}, r"ball spin has shape \(3, 3\)")])  # fmt: skip
 def test_bad_input(changes, words):
     arguments = {"q": Q, "v": V, "ball": kd.Ball(), "contact": kd.Contact((1, 0, 0), 0.5)}
     with pytest.raises(kd.InvalidInput, match=words) as caught:

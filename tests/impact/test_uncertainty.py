@@ -112,22 +112,14 @@ def test_the_distance_to_the_other_branch():
     assert stronger.branch_sigmas == pytest.approx(strong.branch_sigmas)
 
 
-@pytest.mark.parametrize(
-    ("spread", "words"),
-    [
-        ({}, "no source"),
-        ({"q": 0.1, "size": 0.1}, "source 'size' is unknown: .*q, v"),
-        ({"q": -0.1}, r"spread of q is -0\.1"),
-        ({"q": [0.1, 0.2]}, r"spread of q has shape \(2,\)"),
-        ({"v": np.diag([1.0, 1.0, -1.0])}, "eigenvalue of -1"),
-        ({"v": np.eye(3) + np.eye(3, k=2)}, "symmetric"),
-        ({"restitution": [[0.1]]}, r"shape \(1, 1\)"),
-        ({"q": 1e200}, r"spread of q is 1e\+200"),
-        ({"friction": np.nan}, "friction is nan"),
-        ({"q": 5}, "spread of q is 5 rad"),
-        ({"normal": 4 * np.eye(3)}, "spread of normal is 2 rad"),
-    ],
-)
+@pytest.mark.parametrize(("spread", "words"), [
+    ({}, "no source"), ({"q": 0.1, "size": 0.1}, "source 'size' is unknown: .*q, v"),
+    ({"q": -0.1}, r"spread of q is -0\.1"), ({"q": [0.1, 0.2]}, r"spread of q has shape \(2,\)"),
+    ({"v": np.diag([1.0, 1.0, -1.0])}, "eigenvalue of -1"),
+    ({"v": np.eye(3) + np.eye(3, k=2)}, "symmetric"), ({"restitution": [[0.1]]}, r"shape \(1, 1\)"),
+    ({"q": 1e200}, r"spread of q is 1e\+200"), ({"friction": np.nan}, "friction is nan"),
+    ({"q": 5}, "spread of q is 5 rad"),
+    ({"normal": 4 * np.eye(3)}, "spread of normal is 2 rad")])  # fmt: skip
 def test_bad_input(spread, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kick().uncertainty(**spread)

@@ -17,9 +17,9 @@ JOINT = """<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/
 <origin xyz="0 {} {}"/><limit lower="-2" upper="2" effort="300" velocity="30"/></joint>"""
 
 
-def box_foot(folder, y=-0.1):
+def box_foot(folder, y=-0.1, shape=BOX):
     """A leg with a foot of 0.24 m x 0.1 m x 0.06 m, its middle (0.05, 0.01, -0.02) m off."""
-    links = [("pelvis", ""), ("hips", ""), ("thigh", ""), ("shank", ""), ("foot", BOX)]
+    links = [("pelvis", ""), ("hips", ""), ("thigh", ""), ("shank", ""), ("foot", shape)]
     joints = [("yaw", "pelvis", "hips", "0 0 1", y, 0), ("hip", "hips", "thigh", "0 1 0", 0, 0)]
     joints += [("knee", "thigh", "shank", "0 1 0", 0, -0.4)]
     joints += [("ankle", "shank", "foot", "0 1 0", 0, -0.4)]
@@ -30,16 +30,9 @@ def box_foot(folder, y=-0.1):
     return kd.Leg.from_urdf(path, "foot", drives=False)
 
 
-@pytest.mark.parametrize(
-    ("name", "point"),
-    [
-        ("toe", (0.17, 0.01, 0.01)),
-        ("sole_edge", (0.17, 0.01, -0.05)),
-        ("inside", (0.05, 0.06, 0.01)),
-        ("outside", (0.05, -0.04, 0.01)),
-        ("heel", (-0.07, 0.01, 0.01)),
-    ],
-)
+@pytest.mark.parametrize(("name", "point"), [
+    ("toe", (0.17, 0.01, 0.01)), ("sole_edge", (0.17, 0.01, -0.05)), ("inside", (0.05, 0.06, 0.01)),
+    ("outside", (0.05, -0.04, 0.01)), ("heel", (-0.07, 0.01, 0.01))])  # fmt: skip
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_the_surfaces_of_a_box_are_its_edges(tmp_path, name, point, side):
     """Normals to both sides meet in the middle of an edge, the upper one if they rise."""
@@ -62,6 +55,15 @@ def test_the_size_of_a_surface_is_what_a_plane_5_mm_deep_cuts_off(tmp_path, name
     height = 0.005 / sine * cosine + 0.005 / cosine * sine
     size = kd.foot_surfaces(box_foot(tmp_path))[name].size
     assert size == pytest.approx([width, height], abs=closed_form(1e4))
+
+
+def test_the_size_of_a_surface_of_a_round_foot_is_that_of_its_cap(tmp_path):
+    """The hull of 400 points of a sphere is up to 2 % of the radius inside it."""
+    ball = BOX.replace('box size="0.24 0.1 0.06"', 'sphere radius="0.08"')
+    surface = kd.foot_surfaces(box_foot(tmp_path, shape=ball))["inside"]
+    assert surface.size == pytest.approx(2 * np.sqrt(2 * 0.08 * 5e-3 - 5e-3**2), rel=0.15)
+    reach = (surface.point - [0.05, 0.01, -0.02]) @ surface.normal
+    assert reach == pytest.approx(0.08, rel=0.04)
 
 
 def test_a_robot_by_name_has_the_points_of_its_frames():
@@ -97,16 +99,11 @@ def test_a_surface_can_be_given(tmp_path):
     assert load_with_surface("foot:inside", load).frame == "inside"
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("foot:insid", "'insid' of foot .*heel, or X,Y,Z:NX,NY,NZ"),
-        ("foot:1,2,3:4,5", "normal of surface"),
-        ("foot:1,2,3:0,0,0", "normal of surface .*0.0, 0.0, 0.0"),
-        ("fot:toe", "frame 'fot' .*'foot'"),
-        ("shank:toe", "shank .*FootSurface"),
-    ],
-)
+@pytest.mark.parametrize(("text", "said"), [
+    ("foot:insid", "'insid' of foot .*heel, or X,Y,Z:NX,NY,NZ"),
+    ("foot:1,2,3:4,5", "normal of surface"),
+    ("foot:1,2,3:0,0,0", "normal of surface .*0.0, 0.0, 0.0"), ("fot:toe", "frame 'fot' .*'foot'"),
+    ("shank:toe", "shank .*FootSurface")])  # fmt: skip
 def test_bad_surfaces_are_refused(tmp_path, text, said):
     source = box_foot(tmp_path).file.source
     with pytest.raises(kd.InvalidInput, match=f"^[^\n]*{said}[^\n]*$"):

@@ -136,16 +136,10 @@ def test_an_immovable_direction_has_infinite_mass():
         posture.whiten(np.ones((3, 2)))
 
 
-@pytest.mark.parametrize(
-    ("q", "wish", "nearest"),
-    [
-        (STRETCHED, (0, 0, 1), (0.0, 0.0, 0.0)),
-        (STRETCHED, (1, 0, 1), (1.0, 0.0, 0.0)),
-        (STRETCHED, (1e300, 1, 1e300), (1e300, 0.0, 0.0)),
-        (Q, (10, 0.01, 1), (10.0, 0.0, 1.0)),
-        (Q, (10, 2e-8, 1), (10.0, 0.0, 1.0)),
-    ],
-)
+@pytest.mark.parametrize(("q", "wish", "nearest"), [
+    (STRETCHED, (0, 0, 1), (0.0, 0.0, 0.0)), (STRETCHED, (1, 0, 1), (1.0, 0.0, 0.0)),
+    (STRETCHED, (1e300, 1, 1e300), (1e300, 0.0, 0.0)), (Q, (10, 0.01, 1), (10.0, 0.0, 1.0)),
+    (Q, (10, 2e-8, 1), (10.0, 0.0, 1.0))])  # fmt: skip
 def test_a_velocity_out_of_reach_is_refused_with_the_nearest(q, wish, nearest):
     """A planar leg cannot move aside, a stretched one along itself."""
     posture = LEGS["human"][0].posture(q)
@@ -195,17 +189,11 @@ def test_a_point_elsewhere_on_the_foot_is_a_frame_there(seed):
         origin.with_contact_offset((0, -1001, 0))
 
 
-def test_rotors_add_to_the_inertia_and_lock_their_joint_in_the_limit():
+def test_rotors_add_to_the_inertia():
     leg, q = kd.Leg.human(), [0.3, 0.8, -0.2]
     geared = leg.with_armature({"knee": 0.5}).with_armature({"knee": 0.1, "hip": 0.2})
     added = geared.posture(q).inertia - leg.posture(q).inertia
     assert added == pytest.approx(np.diag([0.2, 0.1, 0]), abs=closed_form())
-    locked = leg.locked({"ankle": -0.2}).posture(q[:2]).delassus()
-    gaps = [
-        np.abs(leg.with_armature({"ankle": rotor}).posture(q).delassus() - locked).max()
-        for rotor in (1e2, 1e4, 1e6)
-    ]
-    assert gaps[0] > 90 * gaps[1] > 8000 * gaps[2]  # in proportion to 1 / rotor
 
 
 HUMAN_MODEL = kd.Leg.human().model

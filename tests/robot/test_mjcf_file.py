@@ -113,17 +113,12 @@ MESH = (
 )
 
 
-@pytest.mark.parametrize(
-    ("compiler", "mesh", "name"),
-    [
-        ("", 'file="box.stl"', "box.stl"),
-        ("", 'name="box" file="a/b/box.stl"', "a/b/box.stl"),
-        ('meshdir="a/b"', 'file="box.stl"', "a/b/box.stl"),
-        ('assetdir="c" meshdir="a/b/"', 'file="box.stl"', "a/b/box.stl"),
-        ('strippath="true"', 'file="c/d/box.stl"', "box.stl"),
-        ("", 'file="a\\b\\box.stl"', "a/b/box.stl"),
-    ],
-)
+@pytest.mark.parametrize(("compiler", "mesh", "name"), [
+    ("", 'file="box.stl"', "box.stl"), ("", 'name="box" file="a/b/box.stl"', "a/b/box.stl"),
+    ('meshdir="a/b"', 'file="box.stl"', "a/b/box.stl"),
+    ('assetdir="c" meshdir="a/b/"', 'file="box.stl"', "a/b/box.stl"),
+    ('strippath="true"', 'file="c/d/box.stl"', "box.stl"),
+    ("", 'file="a\\b\\box.stl"', "a/b/box.stl")])  # fmt: skip
 def test_a_mesh_is_where_mujoco_looks_for_it(tmp_path, compiler, mesh, name):
     box(tmp_path, name)
     leg = kd.Leg.from_mjcf(write(tmp_path, robot=MESH.format(compiler, mesh)), "arm")

@@ -41,17 +41,12 @@ def robot(tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ("name", "file"),
-    [
-        ("beside.stl", "urdf/beside.stl"),
-        ("../meshes/a b.stl", "meshes/a b.stl"),
-        ("package://robot_description/meshes/visual/hip.stl", "meshes/visual/hip.stl"),
-        ("package://robot_description/urdf/../meshes/a b.stl", "meshes/a b.stl"),
-        ("file://{robot}/meshes/a%20b.stl", "meshes/a b.stl"),
-        ("{robot}/meshes/a b.stl", "meshes/a b.stl"),
-    ],
-)
+@pytest.mark.parametrize(("name", "file"), [
+    ("beside.stl", "urdf/beside.stl"), ("../meshes/a b.stl", "meshes/a b.stl"),
+    ("package://robot_description/meshes/visual/hip.stl", "meshes/visual/hip.stl"),
+    ("package://robot_description/urdf/../meshes/a b.stl", "meshes/a b.stl"),
+    ("file://{robot}/meshes/a%20b.stl", "meshes/a b.stl"),
+    ("{robot}/meshes/a b.stl", "meshes/a b.stl")])  # fmt: skip
 def test_names_in_the_robots_package(robot, name, file):
     path = PackageFiles(robot / "urdf").find(name.format(robot=robot))
     assert path == robot / file

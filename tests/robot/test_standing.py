@@ -13,6 +13,7 @@ from kickdyn.robot.standing import (
     StandingRobot,
     _faces,
     _levelled,
+    _sole,
     hold_support,
     lock_idle_mimics,
     sole_edges,
@@ -54,6 +55,9 @@ def random_robot(rng):
     armature = rng.uniform(0.0, 0.1, size=model.nv)
     armature[:6] = 0.0
     model.armature, model.velocityLimit = armature, rng.uniform(1.0, 2.0, size=model.nv)
+    model.effortLimit = rng.uniform(1.0, 2.0, size=model.nv)
+    model.lowerPositionLimit, model.upperPositionLimit = rng.uniform([[-2], [1]], [[-1], [2]],
+                                                                     (2, model.nq))  # fmt: skip
     return kd.Leg.from_model(model, "toe").with_supports(kd.Support("foot", sole=CORNERS))
 
 
@@ -85,6 +89,7 @@ def test_the_rooted_robot_moves_and_weighs_as_the_robot_on_its_support(seed):
         at, to = leg.velocity_index(name), robot.velocity_index(name)
         assert v[at] == whole_v[to]
         assert leg.velocity_limit[at] == robot.velocity_limit[to]
+        assert leg.effort_limit[at] == robot.effort_limit[to]
         assert leg.model.armature[at] == robot.model.armature[to]
         assert leg.joint_values(q)[name] == pytest.approx(robot.joint_values(whole_q)[name])
 
@@ -124,6 +129,22 @@ def test_the_sole_of_round_feet_is_cut_out_of_their_spheres(tmp_path):
     assert farthest == pytest.approx(offsets, abs=closed_form(10))
 
 
+def with_pad(robot):
+    """Return a robot with a turned frame at its left foot, its number and place."""
+    model, joint = robot.model, robot.model.getJointId("left_hip")
+    place = pin.SE3(random_rotation(np.random.default_rng(2)), np.array([0.1, 0.2, 0.3]))
+    pad = model.addFrame(pin.Frame("pad", joint, 0, place, pin.FrameType.OP_FRAME))
+    return robot.with_model(model), pad, place
+
+
+def test_the_sole_in_a_turned_frame_is_the_same(tmp_path):
+    robot = biped(tmp_path, VISUAL.format(0, 0.02, -0.05, '<box size="0.2 0.08 0.02"/>'))
+    padded, pad, place = with_pad(robot)
+    turned = _sole(padded, kd.Support("pad"), pad, place.rotation)
+    sole = _sole(robot, kd.Support("left"), robot.model.getFrameId("left"), np.eye(3))
+    agrees(turned @ place.rotation.T + place.translation, sole, closed_form(10))
+
+
 @pytest.mark.parametrize(
     "sole", [None, [(-0.1, -0.04, -0.06), (0.1, -0.04, -0.06), (0, 0.04, -0.06)]]
 )
@@ -145,8 +166,11 @@ def test_a_foot_that_is_tilted_with_joints_at_0_is_turned_level(tmp_path, sole):
 def test_a_foot_stands_on_its_largest_face_within_30_degrees_of_the_ground(tmp_path):
     sizes, degrees = np.array([0.2, 0.08, 0.3]), np.radians([5.0, 25.0, 35.0])
     robot = biped(tmp_path, VISUAL.format(0, 0, -0.05, '<box size="0.2 0.08 0.3"/>'))
-    normals, areas = _faces(robot, robot.model.getFrameId("left"))
-    axes = np.abs(normals).argmax(axis=1)
+    robot, pad, place = with_pad(robot)
+    normals, areas = _faces(robot, pad)
+    along = np.abs(normals @ place.rotation.T)
+    agrees(along.max(axis=1), np.ones(len(along)), 1e-9)
+    axes = along.argmax(axis=1)
     assert set(axes) == {0, 1, 2}
     agrees(areas, np.prod(sizes) / sizes[axes], closed_form(10))
     tilted = np.column_stack([np.sin(degrees), np.zeros(3), -np.cos(degrees)])
@@ -178,17 +202,12 @@ def on(sole):
     return G1.with_supports(kd.Support(FOOT, sole=np.array(sole)))
 
 
-@pytest.mark.parametrize(
-    ("robot", "said"),
-    [
-        (G1, "does not stand"),
-        (G1.with_supports(kd.Support(FOOT, point=True)), "one flat foot"),
-        (G1.with_supports(FOOT).with_loops(("left_knee_link", "pelvis")), "no loops"),
-        (on([(0, 0, 0), (0.1, 0, 0.1), (0, 0.1, 0.0)]), f"{FOOT} .*30 degrees"),
-        (on([*CORNERS, (0.2, 0, 0.05)]), f"{FOOT} .*not in a plane"),
-        (kd.Leg.from_model(G1.model, "toe").with_supports(FOOT), "no sole"),
-    ],
-)
+@pytest.mark.parametrize(("robot", "said"), [
+    (G1, "does not stand"), (G1.with_supports(kd.Support(FOOT, point=True)), "one flat foot"),
+    (G1.with_supports(FOOT).with_loops(("left_knee_link", "pelvis")), "no loops"),
+    (on([(0, 0, 0), (0.1, 0, 0.1), (0, 0.1, 0.0)]), f"{FOOT} .*30 degrees"),
+    (on([*CORNERS, (0.2, 0, 0.05)]), f"{FOOT} .*not in a plane"),
+    (kd.Leg.from_model(G1.model, "toe").with_supports(FOOT), "no sole")])  # fmt: skip
 def test_a_robot_that_cannot_stand_is_refused(robot, said):
     with pytest.raises(kd.InvalidInput, match=said):
         StandingRobot(robot)

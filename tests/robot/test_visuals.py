@@ -89,15 +89,10 @@ def test_meshes_outside_are_refused_and_not_opened(folder, name, watch):
     assert not [path for path in opened if "secret" in path]
 
 
-@pytest.mark.parametrize(
-    ("name", "reason"),
-    [
-        ("http://example.org/box.stl", "no addresses"),
-        ("empty.stl", "no triangles"),
-        ("pipe.stl", "not a regular file"),
-        ("huge.stl", "1000000000 bytes: at most 100000000"),
-    ],
-)
+@pytest.mark.parametrize(("name", "reason"), [
+    ("http://example.org/box.stl", "no addresses"), ("empty.stl", "no triangles"),
+    ("pipe.stl", "not a regular file"),
+    ("huge.stl", "1000000000 bytes: at most 100000000")])  # fmt: skip
 def test_bad_meshes_are_named(folder, name, reason):
     with pytest.raises(kd.InvalidInput, match=f"^[^\n]*{re.escape(name)}[^\n]*({reason})"):
         read(name, folder)
@@ -118,14 +113,9 @@ def test_each_part_keeps_its_colour_and_place(folder):
     assert other.vertices.mean(axis=0) == pytest.approx([5, 0, 0], abs=1e-6)  # digits of the file
 
 
-@pytest.mark.parametrize(
-    ("up", "size", "middle"),
-    [
-        ("X_UP", (0.2, 0.3, 0.1), (-0.6, -0.7, 0.5)),
-        ("Y_UP", (0.1, 0.3, 0.2), (0.5, -0.7, 0.6)),
-        ("Z_UP", (0.1, 0.2, 0.3), (0.5, 0.6, 0.7)),
-    ],
-)
+@pytest.mark.parametrize(("up", "size", "middle"), [
+    ("X_UP", (0.2, 0.3, 0.1), (-0.6, -0.7, 0.5)), ("Y_UP", (0.1, 0.3, 0.2), (0.5, -0.7, 0.6)),
+    ("Z_UP", (0.1, 0.2, 0.3), (0.5, 0.6, 0.7))])  # fmt: skip
 def test_a_collada_file_is_turned_z_up(folder, up, size, middle):
     """Its axis up becomes z, and its other axes follow right-handed."""
     box = trimesh.creation.box(BOX)

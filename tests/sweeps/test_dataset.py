@@ -38,20 +38,15 @@ def stored(leg=LEG, kick=KICK, axes=AXES):
     return with_variables(described, np.zeros((len(VARIABLES), count)), np.zeros(count, np.int8))
 
 
-@pytest.mark.parametrize(
-    ("leg", "kick", "names"),
-    [
-        (heavier(1.0), Kick(attack=0.3), set()),
-        (heavier(1 + 1e-14), KICK, set()),
-        (heavier(1 + 1e-10), KICK, {"model_sha256"}),
-        (LEG.with_armature({"hip": 0.1}), KICK, {"model_sha256"}),
-        (LEG, replace(KICK, ball=kd.Ball(inertia_factor=0.4)), {"ball_inertia_factor"}),
-        (LEG, replace(KICK, attack=np.nextafter(0.3, 1.0)), {"attack_rad"}),
-        (LEG, airy(density=kd.Air().density * (1 + 1e-14)), set()),
-        (LEG, airy(density=kd.Air().density * (1 + 1e-10)), {"air_sha256"}),
-        (LEG, airy(drag=0.2), {"air", "air_sha256"}),
-    ],
-)
+@pytest.mark.parametrize(("leg", "kick", "names"), [
+    (heavier(1.0), Kick(attack=0.3), set()), (heavier(1 + 1e-14), KICK, set()),
+    (heavier(1 + 1e-10), KICK, {"model_sha256"}),
+    (LEG.with_armature({"hip": 0.1}), KICK, {"model_sha256"}),
+    (LEG, replace(KICK, ball=kd.Ball(inertia_factor=0.4)), {"ball_inertia_factor"}),
+    (LEG, replace(KICK, attack=np.nextafter(0.3, 1.0)), {"attack_rad"}),
+    (LEG, airy(density=kd.Air().density * (1 + 1e-14)), set()),
+    (LEG, airy(density=kd.Air().density * (1 + 1e-10)), {"air_sha256"}),
+    (LEG, airy(drag=0.2), {"air", "air_sha256"})])  # fmt: skip
 def test_provenance_differs_where_leg_or_kick_do(leg, kick, names):
     one, other = provenance(heavier(1.0), KICK), provenance(leg, kick)
     texts = {"leg_sha256", "leg", "title", "warnings"}  # of a file, or without one

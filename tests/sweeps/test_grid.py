@@ -39,22 +39,13 @@ def test_a_sample_is_the_sobol_sequence_between_the_bounds():
     assert np.column_stack(list(grid.axes.values())) == pytest.approx(right)
 
 
-@pytest.mark.parametrize(
-    ("joints", "words"),
-    [
-        ([], "--joint hip"),
-        (["hip"], "'hip'.*LOW:HIGH:STEP"),
-        (["knee=30 deg"], "plain numbers"),
-        (["hip=nan"], "joint hip is nan"),
-        (["toe=1"], "'toe'.*hip, knee, ankle"),
-        (["hip=0:10:0"], "STEP"),
-        (["hip=10:0:1"], "hip=0:10:1"),
-        (["hip=-40:20:10"], "-40 deg.*-30 to 125 deg"),
-        (["hip=1", "hip=2"], "'hip'.*twice"),
-        (["hip=0:100:1e-9"], "larger step"),
-        (["hip=5:0:1", "knee=x", "ankle=0", "ankle=1"], "hip=5:0:1.*knee=x.*'ankle'"),
-    ],
-)
+@pytest.mark.parametrize(("joints", "words"), [
+    ([], "--joint hip"), (["hip"], "'hip'.*LOW:HIGH:STEP"), (["knee=30 deg"], "plain numbers"),
+    (["hip=nan"], "joint hip is nan"), (["toe=1"], "'toe'.*hip, knee, ankle"),
+    (["hip=0:10:0"], "STEP"), (["hip=10:0:1"], "hip=0:10:1"),
+    (["hip=-40:20:10"], "-40 deg.*-30 to 125 deg"), (["hip=1", "hip=2"], "'hip'.*twice"),
+    (["hip=0:100:1e-9"], "larger step"),
+    (["hip=5:0:1", "knee=x", "ankle=0", "ankle=1"], "hip=5:0:1.*knee=x.*'ankle'")])  # fmt: skip
 def test_bad_texts_are_refused(joints, words):
     with pytest.raises(kd.InvalidInput, match=words):
         read_postures(LEG, joints)
@@ -63,23 +54,16 @@ def test_bad_texts_are_refused(joints, words):
 BOUNDS = {"hip": (-0.1, 0.7), "knee": (0.1, 0.9)}
 
 
-@pytest.mark.parametrize(
-    ("postures", "samples", "word"),
-    [
-        ({}, None, "joint names"),
-        ({"toe": 0.0}, None, "'toe'"),
-        ({"hip": [0.2, 0.1]}, None, "ascending"),
-        ({"hip": [[0.1, 0.2]]}, None, "ascending"),
-        ({"hip": [0.1, math.nan]}, None, "hip"),
-        ({"knee": [0.0, 30.0]}, None, r"1718\.87 deg.*0 to 140 deg"),
-        ({"hipp": [0], "knee": [0, 9.0], "ankle": [1, 0]}, None, "hipp.*knee.*ankle"),
-        (BOUNDS, "rows", "'rows'.*'list'"),
-        (BOUNDS, 1.5, r"1\.5.*whole"),
-        ({"hip": [0, 0.1, 0.2]}, 8, "hip has 3 values"),
-        ({"hip": [0.2, 0.1], "knee": [0.1]}, "list", "hip 2, knee 1"),
-        ({"knee": [0.2, -9.0]}, "list", r"-515\.662 deg"),
-    ],
-)
+@pytest.mark.parametrize(("postures", "samples", "word"), [
+    ({}, None, "joint names"), ({"toe": 0.0}, None, "'toe'"),
+    ({"hip": [0.2, 0.1]}, None, "ascending"), ({"hip": [[0.1, 0.2]]}, None, "ascending"),
+    ({"hip": [0.1, math.nan]}, None, "hip"),
+    ({"knee": [0.0, 30.0]}, None, r"1718\.87 deg.*0 to 140 deg"),
+    ({"hipp": [0], "knee": [0, 9.0], "ankle": [1, 0]}, None, "hipp.*knee.*ankle"),
+    (BOUNDS, "rows", "'rows'.*'list'"), (BOUNDS, 1.5, r"1\.5.*whole"),
+    ({"hip": [0, 0.1, 0.2]}, 8, "hip has 3 values"),
+    ({"hip": [0.2, 0.1], "knee": [0.1]}, "list", "hip 2, knee 1"),
+    ({"knee": [0.2, -9.0]}, "list", r"-515\.662 deg")])  # fmt: skip
 def test_bad_postures_are_refused(postures, samples, word):
     with pytest.raises(kd.InvalidInput, match=word):
         Grid.of(LEG, postures, samples)

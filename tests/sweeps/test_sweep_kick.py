@@ -48,6 +48,7 @@ def test_a_kick_is_strike_and_fly(law):
     impact = kd.strike(POSTURE, v, kd.Ball(), contact, law)
     outcome = kick_from(POSTURE, kick)
     assert (outcome.status, outcome.impact.law) == ("ok", law)
+    agrees(outcome.impact.v_before, v, closed_form(10))  # of least energy, within the limits
     assert outcome.impact.impulse == pytest.approx(impact.impulse, rel=closed_form(10), abs=EPSILON)
     path = kd.fly(impact.ball_after, kd.Ball(), kd.Air(), tol=1e-12)
     assert outcome.carry == pytest.approx(path.range, rel=integrated(1e-11, 1000))

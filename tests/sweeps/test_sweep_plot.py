@@ -33,15 +33,23 @@ def test_maps_show_the_best_over_the_other_joints(data):
     for line, mark in zip(lines, marks, strict=True):
         place = float(mark.get_xdata()[0]), float(mark.get_ydata()[0])
         assert place == (line.values["worst_joint_impulse"], line.values["speed_ratio"])
-    best = lines[0].values
-    assert front.get_xdata()[-1] == pytest.approx(best["worst_joint_impulse"])
-    assert front.get_ydata()[-1] == pytest.approx(best["speed_ratio"])
     dots = panels[3].collections[0]
     shown = np.column_stack([np.asarray(dots.get_offsets()), np.asarray(dots.get_array()) / 100])
     names = ("worst_joint_impulse", "speed_ratio", "speed_use")
     swept = np.column_stack([data[name].values.ravel() for name in names])
     ordered = [rows[np.lexsort(rows.round(9).T)] for rows in (shown, swept)]
     assert ordered[0] == pytest.approx(ordered[1])
+    load, speed = data.worst_joint_impulse.values.ravel(), data.ball_speed.values.ravel()
+    unbeaten = sorted(
+        {
+            (x, y / 2.5)
+            for x, y in zip(load, speed, strict=True)
+            if not ((load <= x) & (speed >= y) & ((load < x) | (speed > y))).any()
+        }
+    )
+    assert np.transpose(front.get_data()) == pytest.approx(np.array(unbeaten))
+    assert [panel.collections[0].get_clim()[1] for panel in panels[:3]] == (
+        [pytest.approx(data.speed_ratio.values.max())] * 3)  # fmt: skip
 
 
 def test_one_joint_is_a_curve():

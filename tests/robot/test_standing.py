@@ -169,7 +169,7 @@ def test_a_foot_stands_on_its_largest_face_within_30_degrees_of_the_ground(tmp_p
     robot, pad, place = with_pad(robot)
     normals, areas = _faces(robot, pad)
     along = np.abs(normals @ place.rotation.T)
-    agrees(along.max(axis=1), np.ones(len(along)), 1e-9)
+    agrees(along.max(axis=1), np.ones(len(along)), closed_form(10))
     axes = along.argmax(axis=1)
     assert set(axes) == {0, 1, 2}
     agrees(areas, np.prod(sizes) / sizes[axes], closed_form(10))

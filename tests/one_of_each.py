@@ -79,7 +79,8 @@ def learner():
 
 def inferred():
     hit = one("impact")
-    return kd.infer_impact(POSTURE, V, BALL, hit.ball_before, hit.ball_after, joint_deviation=0.03)
+    unsure = {"velocity_deviation": (0.1, 0.2), "spin_deviation": 1.3}
+    return kd.infer_impact(POSTURE, V, BALL, hit.ball_before, hit.ball_after, **unsure)
 
 
 def body():

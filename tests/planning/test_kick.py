@@ -1,7 +1,9 @@
 """Planned kicks: struck and flown again, within limits, and no worse than kicks that are drawn."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -11,6 +13,7 @@ from scipy.spatial import ConvexHull
 from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
+from kickdyn.planning import kick as module
 from kickdyn.planning.objectives import OBJECTIVES
 
 HUMAN = kd.Leg.human()
@@ -159,6 +162,45 @@ def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
 def test_bad_input(goal, options, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.plan_kick(HUMAN, goal, BALL, None, **options)
+
+
+@pytest.mark.parametrize("place", [(0.3, 0.2, 0.5), (BALL.radius, 0.2, 0.5), 0.5])
+def test_a_standing_robot_kicks_no_ball_above_its_ground(place):
+    with pytest.raises(kd.InvalidInput, match=r"is at a height of 0\.5 m"):
+        kd.plan_kick(STANDING, kd.Goal(3, time=0.4), BALL, AIR, ball_position=place)
+    for lies in ((0.5, 0.2, BALL.radius), BALL.radius):
+        agrees(module._lying_on_ground(lies, BALL), lies, 0)
+
+
+def test_a_motion_is_planned_again_for_the_contact_that_is_given(monkeypatch):
+    """The posture stands for the motion: `strike` with that contact gives the wished launch."""
+    plan, motion = (
+        kd.plan_kick(HUMAN, kd.Goal(15, time=1.1), BALL, AIR),
+        SimpleNamespace(shift=None),
+    )
+    plan, wished = replace(plan, motion=motion), 0.98 * plan.launch.velocity
+    objective = OBJECTIVES["joint-speed"]()
+    posture_alone = lambda problem, *_, **__: module._plan_posture(problem, objective)  # noqa: E731
+    monkeypatch.setattr(module, "_plan_motion", posture_alone)
+    for contact in (None, kd.Contact(restitution=0.6, friction=0.5)):
+        again = module.replan_motion(plan, wished, contact)
+        e = 0.8 if contact is None else 0.6
+        hit = kd.strike(again.leg.posture(again.q), again.v, BALL, kd.Contact(
+            again.impact.contact.normal, restitution=e, friction=0.4))  # fmt: skip
+        agrees(hit.ball_after.velocity, wished, closed_form(1e4))
+        agrees(again.impact.ball_after.velocity, wished, closed_form(1e4))
+
+
+def test_a_robot_is_turned_about_the_ball_by_what_its_motion_lacks_in_azimuth(monkeypatch):
+    wished = np.array([3.0, 2.0, 1.0])
+    after = SimpleNamespace(velocity=np.array([-3.0, 0.5, 2.0]))
+    plan = SimpleNamespace(leg=STANDING, impact=SimpleNamespace(ball_after=after))
+    monkeypatch.setattr(module, "replan_motion", lambda _, velocity, __: velocity)
+    monkeypatch.setattr(module, "turn_plan", lambda velocity, angle: (velocity, angle))
+    asked, angle = module.replan_turned(plan, wished)
+    assert np.cross(asked, after.velocity)[2] == pytest.approx(0, abs=closed_form(10))
+    assert asked[:2] @ after.velocity[:2] > 0
+    agrees(pin.rpy.rpyToMatrix(0, 0, angle) @ asked, wished, closed_form(10))
 
 
 @pytest.fixture(scope="module")

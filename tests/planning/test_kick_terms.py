@@ -99,6 +99,7 @@ def test_the_torque_keeps_the_speed_of_the_joints():
         limit = leg.effort_limit[variables.vs]
         agrees(term.use(point), np.abs(torque) / limit, closed_form(10))
         agrees(term.value(point), 1 - (torque / limit) ** 2, closed_form(10))
+        agrees(variables.upper, np.minimum(leg.upper[variables.vs], np.pi), 0)
         speed = SpeedLimit(variables)
         use = np.abs(point.v[variables.vs]) / leg.velocity_limit[variables.vs]
         agrees(speed.use(point), use, closed_form(10))

@@ -108,6 +108,17 @@ def test_an_interrupted_table_is_continued(tmp_path, monkeypatch):
             kd.reach(HUMAN, BALL, AIR, **options)
 
 
+def test_the_plot_has_the_rows_by_elevation():
+    rows = [(side, up, 20 - 0.1 * up - side, None, "", 30 - up - side, 25 + up + side)
+            for side in (0.0, 15.0) for up in (20.0, 0.0, 45.0)]  # fmt: skip
+    figure = kd.ReachTable("leg", True, tuple(kd.ReachRow(*row) for row in rows)).plot()
+    drawn = [line for axes in figure.axes for line in axes.lines]
+    columns = [(0, 2), (15, 2), (0, 5), (0, 6), (15, 5), (15, 6)]
+    for line, (side, column) in zip(drawn, columns, strict=True):
+        right = sorted((row[1], row[column]) for row in rows if row[0] == side)
+        assert np.transpose(line.get_data()).tolist() == [*map(list, right)]
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -302,25 +302,3 @@ def test_a_mimic_of_a_mimic_has_the_driver_of_that(spoil, load):
     gear = '<mimic joint="knee" multiplier="2" offset="1"/>'
     leg = load(with_gear(spoil).replace("</robot>", END.format("revolute", gear)))
     assert leg.mimics[1] == Mimic("extra", "hip", -1.0, 1.4)  # 2 (-0.5 q + 0.2) + 1
-
-
-def test_a_joint_that_mimics_a_mimic_follows_its_driver(tmp_path):
-    """a = -0.5 b + 0.2 and b = 2 c + 0.1 give a = -c + 0.15."""
-    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
-    inertial = f'<inertial><mass value="1"/>{inertia}</inertial>'
-    links = "".join(
-        f'<link name="{name}">{inertial}</link>' for name in ("c_link", "b_link", "a_link")
-    )
-    mimics = {"c": "", "b": '<mimic joint="c" multiplier="2" offset="0.1"/>',
-              "a": '<mimic joint="b" multiplier="-0.5" offset="0.2"/>'}  # fmt: skip
-    joints = "".join(
-        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{name}_link"/>'
-        f'<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="9" velocity="9"/>{mimic}</joint>'
-        for (name, mimic), parent in zip(mimics.items(), ("base", "c_link", "b_link"), strict=True)
-    )
-    file = tmp_path / "chain.urdf"
-    file.write_text(f'<robot name="chain"><link name="base"/>{links}{joints}</robot>')
-    leg = kd.Leg.from_urdf(file, "a_link")
-    followers = {m.joint: (m.driver, m.multiplier, m.offset) for m in leg.mimics}
-    assert followers["b"] == ("c", 2.0, 0.1)
-    assert followers["a"] == ("c", -1.0, pytest.approx(0.15))

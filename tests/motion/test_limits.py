@@ -9,13 +9,7 @@ import pytest
 import kickdyn as kd
 from kickdyn.motion import limits as module
 from kickdyn.motion.kick_task import check_sole
-from kickdyn.motion.limits import (
-    Apart,
-    Clearance,
-    PressureCentre,
-    RestingTorqueLimit,
-    Sample,
-)
+from kickdyn.motion.limits import Apart, Clearance, PressureCentre, RestingTorqueLimit, Sample
 from kickdyn.robot.ground_clearance import Spheres
 
 MIDDLE, MU, WEIGHT = np.array([0.3, -0.2]), 0.6, 400.0

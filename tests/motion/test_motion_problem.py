@@ -297,7 +297,9 @@ def test_the_margins_of_a_motion_are_those_of_its_torques_and_its_ground(on_a_fo
         ):
             expected[f"{what} of {name}"] = 1.0 - abs(used[column]) / limit[column]
         expected[f"range of {name} [rad]"] = min(angle - low, high - angle)
-    assert {name: margins[name] for name in expected} == pytest.approx(expected, rel=closed_form(1e4))
+    assert {name: margins[name] for name in expected} == pytest.approx(
+        expected, rel=closed_form(1e4)
+    )
     height = margins.pop("the height of the kicking foot above the ground [m]")
     apart = margins.pop("the distance of the kicking foot from the supporting foot [m]")
     assert margins.keys() == expected.keys()

@@ -141,24 +141,21 @@ def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
     assert lifted.speed_use > 1
 
 
-@pytest.mark.parametrize(
-    ("goal", "options", "words"),
-    [
-        (kd.Goal(30, time=1.5), {"objective": "beauty"}, "beauty.*joint-speed, joint-impulse"),
-        (kd.Goal(15, time=1), {"objective": "torque-squared"}, "torque-squared"),
-        (kd.Goal(15, time=1), {"objective": "joint-speed", "motion": True}, "motion=True"),
-        (kd.Goal(15, time=1), {"limits": False, "motion": True}, "limits is False"),
-        (kd.Goal(15, time=1), {"motion": "two"}, "motion is 'two'.*both-feet"),
-        (kd.Goal(15, time=1), {"contact": kd.Contact((1, 0, 0))}, r"normal \[1.0, 0.0, 0.0\]"),
-        (kd.Goal(15, time=1), {"ball_position": (0, 1)}, r"ball_position has shape \(2,\)"),
-        (kd.Goal(15, time=1), {"ball_position": 1e10}, r"ball_position is 1(e\+|0{10})"),
-        (kd.Goal(15, time=1), {"ball_position": (0.2, 0.2, -0.7)}, "is 0.2 m from the plane"),
-        (kd.Goal((10, 0, 3), apex=1), {}, "apex 3 m"),
-        (kd.Goal(4, apex=1), {"surface": "carpet"}, "must have a time or a speed"),
-        (kd.Goal(4, time=60), {"surface": "carpet"}, "stops before the target"),
-        (kd.Goal(4, time=1, spin=(5, 0, 0)), {"surface": "carpet"}, r"spin has [45]\.?\d* rad/s"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("goal", "options", "words"), [
+    (kd.Goal(30, time=1.5), {"objective": "beauty"}, "beauty.*joint-speed, joint-impulse"),
+    (kd.Goal(15, time=1), {"objective": "torque-squared"}, "torque-squared"),
+    (kd.Goal(15, time=1), {"objective": "joint-speed", "motion": True}, "motion=True"),
+    (kd.Goal(15, time=1), {"limits": False, "motion": True}, "limits is False"),
+    (kd.Goal(15, time=1), {"motion": "two"}, "motion is 'two'.*both-feet"),
+    (kd.Goal(15, time=1), {"contact": kd.Contact((1, 0, 0))}, r"normal \[1.0, 0.0, 0.0\]"),
+    (kd.Goal(15, time=1), {"ball_position": (0, 1)}, r"ball_position has shape \(2,\)"),
+    (kd.Goal(15, time=1), {"ball_position": 1e10}, r"ball_position is 1(e\+|0{10})"),
+    (kd.Goal(15, time=1), {"ball_position": (0.2, 0.2, -0.7)}, "is 0.2 m from the plane"),
+    (kd.Goal((10, 0, 3), apex=1), {}, "apex 3 m"),
+    (kd.Goal(4, apex=1), {"surface": "carpet"}, "must have a time or a speed"),
+    (kd.Goal(4, time=60), {"surface": "carpet"}, "stops before the target"),
+    (kd.Goal(4, time=1, spin=(5, 0, 0)), {"surface": "carpet"}, r"spin has [45]\.?\d* rad/s"),
+])  # fmt: skip
 def test_bad_input(goal, options, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.plan_kick(HUMAN, goal, BALL, None, **options)
@@ -175,9 +172,8 @@ def test_a_standing_robot_kicks_no_ball_above_its_ground(place):
 def test_a_motion_is_planned_again_for_the_contact_that_is_given(monkeypatch):
     """The posture stands for the motion: `strike` with that contact gives the wished launch."""
     plan, motion = (
-        kd.plan_kick(HUMAN, kd.Goal(15, time=1.1), BALL, AIR),
-        SimpleNamespace(shift=None),
-    )
+        kd.plan_kick(HUMAN, kd.Goal(15, time=1.1), BALL, AIR), SimpleNamespace(shift=None),
+    )  # fmt: skip
     plan, wished = replace(plan, motion=motion), 0.98 * plan.launch.velocity
     objective = OBJECTIVES["joint-speed"]()
     posture_alone = lambda problem, *_, **__: module._plan_posture(problem, objective)  # noqa: E731

@@ -60,7 +60,9 @@ def test_a_rolling_ball_is_met_at_the_cheapest_of_the_meetings(rolling):
     assert all(meeting.reason for meeting in rolling.meetings if meeting.impact is None)
     times = np.array([meeting.time for meeting in rolling.meetings])
     halves = 2 * (CANDIDATES - 1) * (times - times[0]) / np.ptp(times)
-    assert halves == pytest.approx(halves.round(), abs=closed_form(1e4))  # all that were tried, and those
+    assert halves == pytest.approx(
+        halves.round(), abs=closed_form(1e4)
+    )  # all that were tried, and those
     assert [n for n in halves.round() if n % 2 == 0] == [*range(0, 2 * CANDIDATES, 2)]
     assert np.ptp([n for n in halves.round() if n % 2 == 1]) == 2  # halfway beside the best one
     assert pickle.loads(pickle.dumps(rolling)).meeting.time == rolling.meeting.time
@@ -145,11 +147,10 @@ def test_a_ball_that_is_seen_again_is_met_at_the_same_time(rolling):
         rolling.replan(incoming=kd.BallState(later.position, later.velocity, time=99.0))
 
 
-@pytest.mark.parametrize(
-    ("ball", "word"),
-    [(ASIDE, None), (kd.BallState((0.4, -0.2, -0.6), (18.0, 3.0, 1.0)), "faster than its launch"),
-     (kd.BallState((0.4, -0.2, -0.6), (3.0, 2.5, 3.0)), "moves away from the foot")],
-)  # fmt: skip
+@pytest.mark.parametrize(("ball", "word"), [
+    (ASIDE, None), (kd.BallState((0.4, -0.2, -0.6), (18.0, 3.0, 1.0)), "faster than its launch"),
+    (kd.BallState((0.4, -0.2, -0.6), (3.0, 2.5, 3.0)), "moves away from the foot"),
+])  # fmt: skip
 def test_where_a_ball_is_and_how_it_moves_away(ball, word):
     incoming, running = kd.IncomingBall(ball, kd.Ground(-1.0, "turf")), np.array([0.5, 0.3, 0.0])
     goal = kd.Goal((9, 1, 0), time=0.9, receiver_velocity=running)
@@ -197,15 +198,10 @@ def test_a_ball_that_rests_before_it_was_to_be_met_is_met_where_it_rests(rolling
     assert met.velocity == pytest.approx(np.zeros(3), abs=closed_form(1e4))
 
 
-@pytest.mark.parametrize(
-    ("leg", "incoming", "velocity"),
-    [
-        (HUMAN, ROLLING, (0.0, 0.0, 0.0)),
-        (HUMAN, DROPPING, (0.5, 0.0, 0.0)),
-        pytest.param(G1, ASIDE, (0.3, -0.4, 0.2), marks=pytest.mark.slow),
-    ],
-    ids=["rolling", "dropping", "aside"],
-)
+@pytest.mark.parametrize(("leg", "incoming", "velocity"), [
+    (HUMAN, ROLLING, (0.0, 0.0, 0.0)), (HUMAN, DROPPING, (0.5, 0.0, 0.0)),
+    pytest.param(G1, ASIDE, (0.3, -0.4, 0.2), marks=pytest.mark.slow),
+], ids=["rolling", "dropping", "aside"])  # fmt: skip
 def test_a_trapped_ball_has_the_wished_velocity(leg, incoming, velocity):
     """The spin along the impulse stays, and friction takes of the other part what it can."""
     plan = kd.plan_trap(leg, incoming, BALL, AIR, velocity=velocity)

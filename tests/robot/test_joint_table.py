@@ -56,16 +56,10 @@ def test_joints_of_every_kind():
         assert leg.posture(short).q == pytest.approx(q, abs=closed_form())
 
 
-@pytest.mark.parametrize(
-    ("q", "said"),
-    [
-        ([0, 0], r"shape \(2,\): .*\(3,\)"),
-        ([0, math.nan, 0], "finite"),
-        ([True, False, True], "real numbers"),
-        ({"hip": 0.3}, r"\{'hip': 0.3\}: .*Leg.configuration"),
-    ],
-    ids=str,
-)
+@pytest.mark.parametrize(("q", "said"), [
+    ([0, 0], r"shape \(2,\): .*\(3,\)"), ([0, math.nan, 0], "finite"),
+    ([True, False, True], "real numbers"), ({"hip": 0.3}, r"\{'hip': 0.3\}: .*Leg.configuration"),
+], ids=str)  # fmt: skip
 def test_bad_q_is_refused(q, said):
     leg = kd.Leg.human()
     for method in (leg.posture, leg.close_loops, leg.angles_deg, leg.outside_range):
@@ -73,45 +67,32 @@ def test_bad_q_is_refused(q, said):
             method(q)
 
 
-@pytest.mark.parametrize(
-    ("leg", "q", "said"),
-    [
-        (mixed(), np.zeros(5), r"\(5,\): .*\(3,\), .*angle"),
-        (mixed(), [0.1, 0, 0, 0.2], "length 1"),
-        (mixed(), [0.1, 1, 1e-3, 0.2], "length 1"),
-        (floating_leg(np.random.default_rng(0)), [0, 0, 0, 0, 0, 0, 2, 1, 0, 0], "xyzw.*length 1"),
-        (floating_leg(np.random.default_rng(0)), np.zeros(9), "length 1"),
-    ],
-)
+@pytest.mark.parametrize(("leg", "q", "said"), [
+    (mixed(), np.zeros(5), r"\(5,\): .*\(3,\), .*angle"), (mixed(), [0.1, 0, 0, 0.2], "length 1"),
+    (mixed(), [0.1, 1, 1e-3, 0.2], "length 1"),
+    (floating_leg(np.random.default_rng(0)), [0, 0, 0, 0, 0, 0, 2, 1, 0, 0], "xyzw.*length 1"),
+    (floating_leg(np.random.default_rng(0)), np.zeros(9), "length 1"),
+])  # fmt: skip
 def test_quaternions_and_cosines_have_length_1(leg, q, said):
     with pytest.raises(kd.InvalidInput, match=said):
         leg.posture(q)
 
 
-@pytest.mark.parametrize(
-    ("q", "is_announced"),
-    [
-        ([30, 40, 10], True),
-        ([0, 0, -60], True),
-        ([30, 1, 0], False),  # the knee could mean radians
-        ([0.3, 0.2, 0.1], False),
-    ],
-)
+@pytest.mark.parametrize(("q", "is_announced"), [
+    ([30, 40, 10], True), ([0, 0, -60], True), ([30, 1, 0], False),  # the knee could mean radians
+    ([0.3, 0.2, 0.1], False),
+])  # fmt: skip
 def test_degrees_in_place_of_radians_are_announced(q, is_announced):
     lines = kd.Leg.human().posture(q).warnings
     assert any("look like degrees" in line for line in lines) == is_announced
 
 
-@pytest.mark.parametrize(
-    ("values", "outside"),
-    [
-        ({}, {}),
-        ({"turn": 2 + 0.5e-6}, {}),  # a millionth is rounding
-        ({"turn": 2 + 2e-6}, {"turn": "deg"}),
-        ({"turn": 2.001, "spin": 3.1, "slide": -0.01}, {"turn": "114.65 deg", "slide": "-0.01 m"}),
-        ({"slide": 99.0}, {"slide": "99 m"}),  # metres look like no degrees
-    ],
-)
+@pytest.mark.parametrize(("values", "outside"), [
+    ({}, {}), ({"turn": 2 + 0.5e-6}, {}),  # a millionth is rounding
+    ({"turn": 2 + 2e-6}, {"turn": "deg"}),
+    ({"turn": 2.001, "spin": 3.1, "slide": -0.01}, {"turn": "114.65 deg", "slide": "-0.01 m"}),
+    ({"slide": 99.0}, {"slide": "99 m"}),  # metres look like no degrees
+])  # fmt: skip
 def test_joints_outside_their_range_are_named_with_their_value(values, outside):
     leg = mixed()
     lines = leg.outside_range(leg.configuration(values))
@@ -120,15 +101,11 @@ def test_joints_outside_their_range_are_named_with_their_value(values, outside):
         assert value in line
 
 
-@pytest.mark.parametrize(
-    ("v", "too_fast"),
-    [
-        ([-2, 1e300, 0], {}),
-        ([2 * (1 + 0.5e-6), -1e300, 0], {}),  # a millionth is rounding
-        ([2 * (1 + 2e-6), 0, 0], {"turn": "100 %"}),
-        ([-2.96, 1e300, 1e-9], {"turn": "148 %", "slide": "speed limit is 0"}),
-    ],
-)
+@pytest.mark.parametrize(("v", "too_fast"), [
+    ([-2, 1e300, 0], {}), ([2 * (1 + 0.5e-6), -1e300, 0], {}),  # a millionth is rounding
+    ([2 * (1 + 2e-6), 0, 0], {"turn": "100 %"}),
+    ([-2.96, 1e300, 1e-9], {"turn": "148 %", "slide": "speed limit is 0"}),
+])  # fmt: skip
 def test_joints_that_are_too_fast_are_named_with_their_share(v, too_fast):
     leg = mixed(velocity_limit=(2.0, LARGEST, 0.0))
     assert leg.velocity_limit.tolist() == [2.0, math.inf, 0.0]
@@ -280,19 +257,15 @@ def test_locking_the_driver_locks_both(spoil, tmp_path):
             refused()
 
 
-@pytest.mark.parametrize(
-    ("gear", "said"),
-    [
-        ('<mimic joint="?"/>', r"'knee' mimics '\?'.*no such joint"),
-        ('<mimic joint="hi"/>', "'hip'.*locked="),
-        ("<mimic/>", "'knee' mimics ''"),
-        ('<mimic joint="knee"/>', "knee mimic each other in a loop"),
-        ('<mimic joint="tip"/>', "'tip': both must be revolute or prismatic"),
-        ('<mimic joint="hip" multiplier="x"/>', "multiplier is 'x'"),
-        ('<mimic joint="hip" offset="inf"/>', "offset is 'inf'"),
-        (GEAR + GEAR, "'knee' has 2 of <mimic>"),
-    ],
-)
+@pytest.mark.parametrize(("gear", "said"), [
+    ('<mimic joint="?"/>', r"'knee' mimics '\?'.*no such joint"),
+    ('<mimic joint="hi"/>', "'hip'.*locked="), ("<mimic/>", "'knee' mimics ''"),
+    ('<mimic joint="knee"/>', "knee mimic each other in a loop"),
+    ('<mimic joint="tip"/>', "'tip': both must be revolute or prismatic"),
+    ('<mimic joint="hip" multiplier="x"/>', "multiplier is 'x'"),
+    ('<mimic joint="hip" offset="inf"/>', "offset is 'inf'"),
+    (GEAR + GEAR, "'knee' has 2 of <mimic>"),
+])  # fmt: skip
 def test_bad_gears_are_refused_by_name(spoil, load, gear, said):
     with pytest.raises(kd.UrdfError, match=said):
         load(with_gear(spoil, gear))

@@ -15,26 +15,19 @@ def hand(names, **lower):
     for name in names:
         kind = pin.JointModelPX() if name == "rail" else pin.JointModelRX()
         limits = (
-            np.array([9.0]),
-            np.array([9.0]),
-            np.array([lower.get(name, -1.0)]),
-            np.array([2.0]),
-        )
+            np.array([9.0]), np.array([9.0]), np.array([lower.get(name, -1.0)]), np.array([2.0]),
+        )  # fmt: skip
         parent = model.addJoint(parent, kind, pin.SE3.Identity(), name, *limits)
         model.appendBodyToJoint(parent, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
     return model
 
 
-@pytest.mark.parametrize(
-    ("values", "expanded"),
-    [
-        ({"hip": 1.0}, {"hip": 1.0}),
-        ({"finger?": 1.0}, {"finger1": 1.0, "finger2": 1.0}),
-        ({"finger[1]": 1.0}, {"finger[1]": 1.0}),  # a name, so no pattern
-        ({"*": 0.0, "knee": 2.0}, dict.fromkeys(JOINTS, 0.0) | {"knee": 2.0}),
-        ({"finger*": 1.0, "*1": 1.0}, {"finger1": 1.0, "finger2": 1.0, "finger[1]": 1.0}),
-    ],
-)
+@pytest.mark.parametrize(("values", "expanded"), [
+    ({"hip": 1.0}, {"hip": 1.0}), ({"finger?": 1.0}, {"finger1": 1.0, "finger2": 1.0}),
+    ({"finger[1]": 1.0}, {"finger[1]": 1.0}),  # a name, so no pattern
+    ({"*": 0.0, "knee": 2.0}, dict.fromkeys(JOINTS, 0.0) | {"knee": 2.0}),
+    ({"finger*": 1.0, "*1": 1.0}, {"finger1": 1.0, "finger2": 1.0, "finger[1]": 1.0}),
+])  # fmt: skip
 def test_patterns_stand_for_names(values, expanded):
     assert expand_patterns(values, JOINTS) == expanded
 

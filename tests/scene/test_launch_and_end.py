@@ -42,13 +42,10 @@ def size(array):
     return float(np.linalg.norm(array))
 
 
-@pytest.mark.parametrize(
-    "parts",
-    [{"contact_time": 0.01},
-     {"contact_time": None, "law": kd.Compliance(None, "pressure"),
-      "ball": kd.Ball(pressure=80e3)}],
-    ids=["time", "pressure"],
-)  # fmt: skip
+@pytest.mark.parametrize("parts", [
+    {"contact_time": 0.01},
+    {"contact_time": None, "law": kd.Compliance(None, "pressure"), "ball": kd.Ball(pressure=80e3)},
+], ids=["time", "pressure"])  # fmt: skip
 def test_the_launch_with_contact_time_is_within_its_error(parts):
     shares = []
     for scene, hit in struck(3, 5, **parts):
@@ -131,17 +128,11 @@ def test_an_error_that_cannot_be_estimated_is_infinite(case):
     assert launch_end.contact_time_error(scene, launch_end.strike_scene(scene)).velocity == math.inf
 
 
-@pytest.mark.parametrize(
-    "parts",
-    [
-        {"air": WIND},
-        {"air": WIND, "ground": kd.Ground(-0.5)},
-        {"air": WIND, "plane": kd.Plane((6, 0, 0), (-1, -0.3, 0))},
-        {"ground": kd.Ground(-0.5)},
-        {"air": WIND, "ground": kd.Ground(-0.5, "turf")},
-    ],
-    ids=["level", "ground", "plane", "vacuum", "bounces"],
-)
+@pytest.mark.parametrize("parts", [
+    {"air": WIND}, {"air": WIND, "ground": kd.Ground(-0.5)},
+    {"air": WIND, "plane": kd.Plane((6, 0, 0), (-1, -0.3, 0))}, {"ground": kd.Ground(-0.5)},
+    {"air": WIND, "ground": kd.Ground(-0.5, "turf")},
+], ids=["level", "ground", "plane", "vacuum", "bounces"])  # fmt: skip
 def test_slopes_are_those_of_central_differences(parts):
     scene = scene_of(**parts)
     slopes = launch_end.end_slopes(scene, launch_end.fly_scene(scene, LAUNCH))
@@ -195,9 +186,8 @@ def test_a_ball_without_an_end_or_without_a_flight():
 def test_the_error_of_a_path_is_about_its_distance_from_an_exact_one(surface, tol):
     scene = scene_of(air=WIND, ground=kd.Ground(-0.5, surface))
     path, exact = (
-        launch_end.fly_scene(scene, LAUNCH, tol),
-        launch_end.fly_scene(scene, LAUNCH, 1e-12),
-    )
+        launch_end.fly_scene(scene, LAUNCH, tol), launch_end.fly_scene(scene, LAUNCH, 1e-12),
+    )  # fmt: skip
     distance = math.dist(launch_end.end_of(path).position, launch_end.end_of(exact).position)
     assert 0.0 < distance <= launch_end.path_error(scene, path) <= 50.0 * distance
 

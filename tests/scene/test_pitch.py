@@ -14,35 +14,23 @@ RADIUS = 0.11
 HALF, BAR = 7.32 / 2, 2.44  # IFAB, Laws of the Game, Law 1
 
 
-@pytest.mark.parametrize(
-    ("passage", "numbers", "clear"),
-    [
-        ((0.1, -1.06, 0.3), ["0.1"], True),
-        ((-1.9, 0.25, 1.46), ["0.25", "left"], True),
-        ((-1.9, 0.25, -1.46), ["0.25", "right"], True),
-        ((-0.2, -0.06, 1.3), ["0.2", "0.06", "hits"], False),
-    ],
-)
+@pytest.mark.parametrize(("passage", "numbers", "clear"), [
+    ((0.1, -1.06, 0.3), ["0.1"], True), ((-1.9, 0.25, 1.46), ["0.25", "left"], True),
+    ((-1.9, 0.25, -1.46), ["0.25", "right"], True),
+    ((-0.2, -0.06, 1.3), ["0.2", "0.06", "hits"], False),
+])  # fmt: skip
 def test_a_ball_passes_over_or_beside_a_wall_or_hits_it(passage, numbers, clear):
     assert Passage(*passage).is_clear is clear
     assert all(number in str(Passage(*passage)) for number in numbers)
 
 
-@pytest.mark.parametrize(
-    ("left", "up", "end"),
-    [
-        (0, 0, "in"),
-        (-HALF + RADIUS + 1e-6, BAR - 2 * RADIUS - 1e-6, "in"),
-        (HALF - RADIUS + 1e-6, 0, "post"),
-        (-HALF - RADIUS - FRAME + 1e-6, 0, "post"),
-        (HALF + RADIUS + FRAME + 1e-6, 0, "beside"),
-        (0, BAR - 2 * RADIUS + 1e-6, "bar"),
-        (0, BAR + FRAME - 1e-6, "bar"),
-        (0, BAR + FRAME + 1e-6, "over"),
-        (HALF + 0.5, BAR + 1.0, "over"),
-        (HALF + 1.0, BAR + 0.5, "beside"),
-    ],
-)
+@pytest.mark.parametrize(("left", "up", "end"), [
+    (0, 0, "in"), (-HALF + RADIUS + 1e-6, BAR - 2 * RADIUS - 1e-6, "in"),
+    (HALF - RADIUS + 1e-6, 0, "post"), (-HALF - RADIUS - FRAME + 1e-6, 0, "post"),
+    (HALF + RADIUS + FRAME + 1e-6, 0, "beside"), (0, BAR - 2 * RADIUS + 1e-6, "bar"),
+    (0, BAR + FRAME - 1e-6, "bar"), (0, BAR + FRAME + 1e-6, "over"),
+    (HALF + 0.5, BAR + 1.0, "over"), (HALF + 1.0, BAR + 0.5, "beside"),
+])  # fmt: skip
 def test_a_ball_meets_a_goal(left, up, end):
     score = score_at(left, up, RADIUS, arrives=True)
     assert score.end == end

@@ -31,12 +31,11 @@ def gap(one, other):
     return float(np.linalg.norm(one.end.position - other.end.position))
 
 
-@pytest.mark.parametrize(
-    ("make", "seed", "count"),
-    [(random_scene, 4, 6), (wide_scene, 21, 4),
-     pytest.param(random_scene, 14, 40, marks=pytest.mark.slow),
-     pytest.param(wide_scene, 22, 40, marks=pytest.mark.slow)],
-)  # fmt: skip
+@pytest.mark.parametrize(("make", "seed", "count"), [
+    (random_scene, 4, 6), (wide_scene, 21, 4),
+    pytest.param(random_scene, 14, 40, marks=pytest.mark.slow),
+    pytest.param(wide_scene, 22, 40, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_random_scenes_stay_within_their_tolerance(make, seed, count):
     rng, done = np.random.default_rng(seed), 0
     while done < count:
@@ -192,10 +191,9 @@ def test_the_smallest_effects_are_negligible_up_to_half_the_tolerance():
     assert kd.simulate(kick(1.5), None).negligible == ()
 
 
-@pytest.mark.parametrize(
-    ("name", "changes"),
-    [("drag", {"drag": None}), ("lift", {"lift": None}), ("wind", {"wind": (0, 0, 0)})],
-)
+@pytest.mark.parametrize(("name", "changes"), [
+    ("drag", {"drag": None}), ("lift", {"lift": None}), ("wind", {"wind": (0, 0, 0)}),
+])  # fmt: skip
 def test_the_size_of_an_effect_of_the_air_is_the_distance_to_the_end_without_it(name, changes):
     scene = kd.load_scene("free_kick")
     full = kd.simulate(scene, None)

@@ -29,11 +29,10 @@ def drawn_scenes(scene, n, seed):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "law"),
-    [("free_kick", "newton"), ("free_kick", "stronge"), ("wet_grass_pass", "newton"),
-     pytest.param("robocup_carpet", "newton", marks=pytest.mark.slow)],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "law"), [
+    ("free_kick", "newton"), ("free_kick", "stronge"), ("wet_grass_pass", "newton"),
+    pytest.param("robocup_carpet", "newton", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_each_draw_is_a_simulation(name, law):
     scene = kd.load_scene(name).replace(law=law, uncertainty=SPREAD)
     many = kd.simulate_many(scene, 3, tolerance=None, seed=3)

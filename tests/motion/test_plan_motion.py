@@ -171,9 +171,7 @@ def test_limbs_that_a_motion_put_aside_stay_there_when_it_is_planned_again(monke
     monkeypatch.setattr(plan_motion, "_plan", planned)
     again = plan_motion.plan_motion(task, near).task
     assert again.aside == aside
-    (legs, q), (whole, lifted) = (
-        (leg.model, leg.configuration(angles))
-        for leg, angles in ((again.leg, {}), (stands.leg, aside))
-    )
-    place = pin.centerOfMass(whole, whole.createData(), lifted)
-    agrees(pin.centerOfMass(legs, legs.createData(), q), place, closed_form(10))
+    legs, whole = again.leg, stands.leg
+    place = pin.centerOfMass(whole.model, whole.model.createData(), whole.configuration(aside))
+    centre = pin.centerOfMass(legs.model, legs.model.createData(), legs.configuration())
+    agrees(centre, place, closed_form(10))

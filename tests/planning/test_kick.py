@@ -171,31 +171,25 @@ def test_a_standing_robot_kicks_no_ball_above_its_ground(place):
 
 def test_a_motion_is_planned_again_for_the_contact_that_is_given(monkeypatch):
     """The posture stands for the motion: `strike` with that contact gives the wished launch."""
-    plan, motion = (
-        kd.plan_kick(HUMAN, kd.Goal(15, time=1.1), BALL, AIR), SimpleNamespace(shift=None),
-    )  # fmt: skip
-    plan, wished = replace(plan, motion=motion), 0.98 * plan.launch.velocity
-    objective = OBJECTIVES["joint-speed"]()
-    posture_alone = lambda problem, *_, **__: module._plan_posture(problem, objective)  # noqa: E731
-    monkeypatch.setattr(module, "_plan_motion", posture_alone)
+    plan = kd.plan_kick(HUMAN, kd.Goal(15, time=1.1), BALL, AIR)
+    plan, wished = replace(plan, motion=SimpleNamespace(shift=None)), 0.98 * plan.launch.velocity
+    monkeypatch.setattr(module, "_plan_motion", lambda problem, *_, **__: module._plan_posture(
+        problem, OBJECTIVES["foot-speed"]()))  # fmt: skip
     for contact in (None, kd.Contact(restitution=0.6, friction=0.5)):
         again = module.replan_motion(plan, wished, contact)
-        e = 0.8 if contact is None else 0.6
-        hit = kd.strike(again.leg.posture(again.q), again.v, BALL, kd.Contact(
-            again.impact.contact.normal, restitution=e, friction=0.4))  # fmt: skip
+        rough = kd.Contact(again.impact.contact.normal, 0.6 if contact else 0.8, friction=0.4)
+        hit = kd.strike(again.leg.posture(again.q), again.v, BALL, rough)
         agrees(hit.ball_after.velocity, wished, closed_form(1e4))
-        agrees(again.impact.ball_after.velocity, wished, closed_form(1e4))
 
 
 def test_a_robot_is_turned_about_the_ball_by_what_its_motion_lacks_in_azimuth(monkeypatch):
     wished = np.array([3.0, 2.0, 1.0])
-    after = SimpleNamespace(velocity=np.array([-3.0, 0.5, 2.0]))
+    after = SimpleNamespace(velocity=np.array([-3.0, 4.0, 2.0]))
     plan = SimpleNamespace(leg=STANDING, impact=SimpleNamespace(ball_after=after))
     monkeypatch.setattr(module, "replan_motion", lambda _, velocity, __: velocity)
     monkeypatch.setattr(module, "turn_plan", lambda velocity, angle: (velocity, angle))
     asked, angle = module.replan_turned(plan, wished)
-    assert np.cross(asked, after.velocity)[2] == pytest.approx(0, abs=closed_form(10))
-    assert asked[:2] @ after.velocity[:2] > 0
+    agrees(asked[:2] / np.hypot(*asked[:2]), [-0.6, 0.8], closed_form())
     agrees(pin.rpy.rpyToMatrix(0, 0, angle) @ asked, wished, closed_form(10))
 
 

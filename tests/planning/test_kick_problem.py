@@ -49,8 +49,7 @@ def test_a_leg_that_moves_sideways_is_not_turned_and_a_tilted_plane_is_refused()
     (HUMAN, target_of(9, 0, 4), {"solver": "best"}, "solver is 'best'.*slsqp"),
     (HUMAN, target_of(9, 0, 4), {"ball_position": np.array([0.2, 0.2, -0.7])}, "is 0.2 m from"),
     (HUMAN.with_base_velocity((3, 1, 0)), target_of(9, 0, 4), {}, "velocity of the base"),
-    (STANDING.with_supports(), target_of(3, 0, 1), {}, "does not stand"),
-])  # fmt: skip
+    (STANDING.with_supports(), target_of(3, 0, 1), {}, "does not stand")])  # fmt: skip
 def test_what_a_leg_cannot_do_is_refused(leg, target, options, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kick_problem(leg, target, **options)
@@ -76,8 +75,7 @@ def test_only_muscles_lose_their_torque_at_the_speed_limit(limits, weak):
 @pytest.mark.parametrize(("cause", "words"), [
     (Upright, "trunk"), (Clearance, "kicking foot"), (Balance, "centre of mass"),
     (SpeedLimit, "speed and torque limits"), (TorqueLimit, "speed and torque limits"),
-    (None, "ranges of its joints"),
-])  # fmt: skip
+    (None, "ranges of its joints")])  # fmt: skip
 def test_the_condition_that_a_standing_robot_cannot_meet_is_named(cause, words, monkeypatch):
     """Where only the problem without that condition has a solution."""
     problem = kick_problem(STANDING, target_of(3, 0, 2))

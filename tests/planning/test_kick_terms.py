@@ -47,8 +47,7 @@ def compare_slopes(term, variables, x, tolerance):
 
 @pytest.mark.parametrize(("name", "friction", "restitution", "offset"), [
     ("human", 0.4, 0.8, None), ("human", 0.0, TABLE, (0.02, 0, 0.01)), ("g1", 0.4, TABLE, None),
-    ("g1", 0.0, 0.8, (0.02, 0, 0.01)),
-])  # fmt: skip
+    ("g1", 0.0, 0.8, (0.02, 0, 0.01))])  # fmt: skip
 def test_slopes_are_those_of_the_values(name, friction, restitution, offset):
     problem = kick_problem(LEGS[name], target_of(friction, restitution, offset), -0.6)
     variables, x = problem.variables, drawn(problem.variables)

@@ -18,8 +18,7 @@ def place_at(velocity, time, spin=(0, 0, 0), surface="turf"):
 
 
 @pytest.mark.parametrize(("angle", "spin", "surface"), [
-    (0.0, (0, 0, 0), "turf"), (0.3, (0, -10, 20), "turf"), (0.0, (0, 0, 0), "carpet"),
-])  # fmt: skip
+    (0.0, (0, 0, 0), "turf"), (0.3, (0, -10, 20), "turf"), (0.0, (0, 0, 0), "carpet")])  # fmt: skip
 def test_the_ball_comes_there_in_time(angle, spin, surface):
     goal = kd.Goal((6, 1, 0), time=1.3, spin=spin)
     made = kd.plan_pass(goal, BALL, AIR, angle=angle, surface=surface)
@@ -62,8 +61,7 @@ def test_a_pass_that_cannot_be_has_a_reason(goal, speed_limit, limit):
     (kd.Goal(6, time=1, beside=(3, 1)), {}, "no beside"),
     (kd.Goal(6, time=1), {"angle": 1.5}, "angle is 1.5"),
     (kd.Goal(6, time=1), {"speed_limit": 0}, "speed limit is 0"),
-    (kd.Goal(6, time=1), {"surface": "sand"}, "'sand' is unknown"),
-])  # fmt: skip
+    (kd.Goal(6, time=1), {"surface": "sand"}, "'sand' is unknown")])  # fmt: skip
 def test_bad_input(goal, options, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.plan_pass(goal, BALL, **options)

@@ -168,8 +168,7 @@ def test_a_drive_is_a_rotor_a_spring_and_friction(stiffness, friction):
 
 
 @pytest.mark.parametrize(("kind", "small", "medium", "large"), [
-    ("stiffness", 1e-3, 2e5, 3e7), ("friction", 1e-3, 100.0, 800.0),
-])  # fmt: skip
+    ("stiffness", 1e-3, 2e5, 3e7), ("friction", 1e-3, 100.0, 800.0)])  # fmt: skip
 def test_free_and_stiff_are_the_limits_of_a_drive(kind, small, medium, large):
     """In the impulse of a contact of 1 ms, of a leg whose ankle is at rest before it."""
     leg, contact = weightless().with_armature({"ankle": 0.02}), kd.Contact((1, 0, 0.3), 0.8)

@@ -71,8 +71,7 @@ def test_bad_q_is_refused(q, said):
     (mixed(), np.zeros(5), r"\(5,\): .*\(3,\), .*angle"), (mixed(), [0.1, 0, 0, 0.2], "length 1"),
     (mixed(), [0.1, 1, 1e-3, 0.2], "length 1"),
     (floating_leg(np.random.default_rng(0)), [0, 0, 0, 0, 0, 0, 2, 1, 0, 0], "xyzw.*length 1"),
-    (floating_leg(np.random.default_rng(0)), np.zeros(9), "length 1"),
-])  # fmt: skip
+    (floating_leg(np.random.default_rng(0)), np.zeros(9), "length 1")])  # fmt: skip
 def test_quaternions_and_cosines_have_length_1(leg, q, said):
     with pytest.raises(kd.InvalidInput, match=said):
         leg.posture(q)
@@ -80,8 +79,7 @@ def test_quaternions_and_cosines_have_length_1(leg, q, said):
 
 @pytest.mark.parametrize(("q", "is_announced"), [
     ([30, 40, 10], True), ([0, 0, -60], True), ([30, 1, 0], False),  # the knee could mean radians
-    ([0.3, 0.2, 0.1], False),
-])  # fmt: skip
+    ([0.3, 0.2, 0.1], False)])  # fmt: skip
 def test_degrees_in_place_of_radians_are_announced(q, is_announced):
     lines = kd.Leg.human().posture(q).warnings
     assert any("look like degrees" in line for line in lines) == is_announced
@@ -104,8 +102,7 @@ def test_joints_outside_their_range_are_named_with_their_value(values, outside):
 @pytest.mark.parametrize(("v", "too_fast"), [
     ([-2, 1e300, 0], {}), ([2 * (1 + 0.5e-6), -1e300, 0], {}),  # a millionth is rounding
     ([2 * (1 + 2e-6), 0, 0], {"turn": "100 %"}),
-    ([-2.96, 1e300, 1e-9], {"turn": "148 %", "slide": "speed limit is 0"}),
-])  # fmt: skip
+    ([-2.96, 1e300, 1e-9], {"turn": "148 %", "slide": "speed limit is 0"})])  # fmt: skip
 def test_joints_that_are_too_fast_are_named_with_their_share(v, too_fast):
     leg = mixed(velocity_limit=(2.0, LARGEST, 0.0))
     assert leg.velocity_limit.tolist() == [2.0, math.inf, 0.0]
@@ -264,8 +261,7 @@ def test_locking_the_driver_locks_both(spoil, tmp_path):
     ('<mimic joint="tip"/>', "'tip': both must be revolute or prismatic"),
     ('<mimic joint="hip" multiplier="x"/>', "multiplier is 'x'"),
     ('<mimic joint="hip" offset="inf"/>', "offset is 'inf'"),
-    (GEAR + GEAR, "'knee' has 2 of <mimic>"),
-])  # fmt: skip
+    (GEAR + GEAR, "'knee' has 2 of <mimic>")])  # fmt: skip
 def test_bad_gears_are_refused_by_name(spoil, load, gear, said):
     with pytest.raises(kd.UrdfError, match=said):
         load(with_gear(spoil, gear))

@@ -162,8 +162,7 @@ def test_range_of_a_joint(tmp_path, joint, more, span):
     ("", '<motor joint="j" forcerange="-4 9"/>', 4),
     ("", '<general joint="j" gainprm="3" ctrlrange="-2 2"/>', 6),
     ('actuatorfrcrange="-8 8"', 2 * '<motor joint="j" ctrlrange="-3 3"/>', 6),
-    ('actuatorfrcrange="-5 5"', 2 * '<motor joint="j" ctrlrange="-3 3"/>', 5),
-])  # fmt: skip
+    ('actuatorfrcrange="-5 5"', 2 * '<motor joint="j" ctrlrange="-3 3"/>', 5)])  # fmt: skip
 def test_limit_of_torque(tmp_path, joint, actuators, limit):
     body = f'<body name="arm"><joint name="j" axis="0 1 0" {joint}/>{BALL}</body>'
     leg = arm(tmp_path, body, f"<actuator>{actuators}</actuator>")
@@ -219,8 +218,7 @@ def test_connected_bodies_are_a_loop(looped_mjcf):
     ('<joint joint1="ja"/>', r"\(joint\) .*lock"),
     ('<joint joint1="ja" joint2="jb" polycoef="0 1 1 0 0"/>', r"\(joint\)"),
     ('<weld body1="a" body2="c"/>', r"\(weld\)"),
-    ('<connect body1="a" body2="c" anchor="0 0 -1" active="false"/>', None),
-])  # fmt: skip
+    ('<connect body1="a" body2="c" anchor="0 0 -1" active="false"/>', None)])  # fmt: skip
 def test_other_constraints_are_refused_unless_they_are_idle(looped_mjcf, equality, said):
     start, _, end = looped_mjcf.read_text().partition("<equality>")
     looped_mjcf.write_text(f"{start}<equality>{equality}{end[end.index('</equality>') :]}")
@@ -261,8 +259,7 @@ def test_ends_of_a_connection_are_where_mujoco_has_them(tmp_path, by):
     ('<option gravity="0 0 -1.6"/>', r"gravity .*-1.6"),
     ('<tendon><spatial armature="1"><site site="a"/><site site="b"/></spatial></tendon>',
      "tendon has an armature"),
-    ('<compiler inertiafromgeom="maybe"/>', "'maybe'"),
-])  # fmt: skip
+    ('<compiler inertiafromgeom="maybe"/>', "'maybe'")])  # fmt: skip
 def test_settings_that_change_the_mechanics_are_refused(tmp_path, more, said):
     ends = '<site name="a" pos="1 0 1"/>' + ARM.format(BALL + '<site name="b" pos="0 0 -1"/>')
     with pytest.raises(kd.MjcfError, match=said):

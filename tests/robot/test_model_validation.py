@@ -57,8 +57,7 @@ UNSOUND = {
     "two triangles": ((BODY, body(moments=(0.1, 0.1, 0.5)), body(moments=(0.1, 0.1, 0.4))),
                       "'j1' .*0.1, 0.1, 0.5 .*as do j2"),
     "on its axis": ((BODY, ON_AXIS), "j1; .*locked={'j1': 0}"),
-    "axes through a point": ((BODY, NOTHING, NOTHING, ON_AXIS), "at fault: j1, j3; "),
-}  # fmt: skip
+    "axes through a point": ((BODY, NOTHING, NOTHING, ON_AXIS), "at fault: j1, j3; ")}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", UNSOUND)
@@ -87,8 +86,7 @@ def changed(**attributes):
     (changed(lowerPositionLimit=np.array([5.0, 5.0]), upperPositionLimit=np.array([5.0, 4.0])),
      "lower must not exceed upper"),
     *((changed(gravity=pin.Motion(np.array([0, 0, g]), np.zeros(3))), r"\(0, 0, -9.81\)")
-      for g in (-1.62, 9.81, math.nan, math.inf)),
-])  # fmt: skip
+      for g in (-1.62, 9.81, math.nan, math.inf))])  # fmt: skip
 def test_unsound_models_are_refused(model, said):
     with pytest.raises(kd.InvalidInput, match=said):
         check_model(model)

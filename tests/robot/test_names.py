@@ -26,22 +26,17 @@ def hand(names, **lower):
     ({"hip": 1.0}, {"hip": 1.0}), ({"finger?": 1.0}, {"finger1": 1.0, "finger2": 1.0}),
     ({"finger[1]": 1.0}, {"finger[1]": 1.0}),  # a name, so no pattern
     ({"*": 0.0, "knee": 2.0}, dict.fromkeys(JOINTS, 0.0) | {"knee": 2.0}),
-    ({"finger*": 1.0, "*1": 1.0}, {"finger1": 1.0, "finger2": 1.0, "finger[1]": 1.0}),
-])  # fmt: skip
+    ({"finger*": 1.0, "*1": 1.0}, {"finger1": 1.0, "finger2": 1.0, "finger[1]": 1.0})])  # fmt: skip
 def test_patterns_stand_for_names(values, expanded):
     assert expand_patterns(values, JOINTS) == expanded
 
 
-@pytest.mark.parametrize(
-    ("lower", "joints", "values", "options"),
-    [
-        ({}, ("finger 1", "palm"), "{'finger 1': 0, 'palm': 0}", "'finger 1=0' --lock palm=0"),
-        ({}, ("palm",), "{'palm': 0}", "palm=0"),
-        # in the middle of a range without 0; 1.5 rad are 85.94 degrees
-        ({"palm": 1.0, "rail": 1.0}, ("palm", "rail"), "{'palm': 1.5, 'rail': 1.5}",
-         "palm=85.94 --lock rail=1.5"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("lower", "joints", "values", "options"), [
+    ({}, ("finger 1", "palm"), "{'finger 1': 0, 'palm': 0}", "'finger 1=0' --lock palm=0"),
+    ({}, ("palm",), "{'palm': 0}", "palm=0"),
+    # in the middle of a range without 0; 1.5 rad are 85.94 degrees
+    ({"palm": 1.0, "rail": 1.0}, ("palm", "rail"), "{'palm': 1.5, 'rail': 1.5}",
+     "palm=85.94 --lock rail=1.5")])  # fmt: skip
 def test_a_remedy_can_be_copied(lower, joints, values, options):
     text = lock_remedy(hand(("hip", "finger 1", "palm", "rail"), **lower), joints)
     assert f"locked={values} " in text

@@ -24,8 +24,7 @@ BAD_TEXT = {
     "entity": (b'<!DOCTYPE r [<!ENTITY m "7">]><robot name="&m;"/>', "DOCTYPE"),
     "billion laughs": (LAUGHS.encode(), "DOCTYPE"),
     "latin-1": ('<robot name="\u00e9t\u00e9"/>'.encode("latin-1"), r"not UTF-8 text \(byte 13\)"),
-    "200 000 tags deep": (b"<a>" * 200_000 + b"</a>" * 200_000, "deeper than 64"),
-}  # fmt: skip
+    "200 000 tags deep": (b"<a>" * 200_000 + b"</a>" * 200_000, "deeper than 64")}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD_TEXT)
@@ -89,17 +88,13 @@ def moments(*values, xy=0, said="'hip' moves .*triangle"):
 
 
 REFUSED = [
-    ('<robot name="leg">', "<model>", "<model>"),
-    ('name="leg"', "", "robot has no name"),
+    ('<robot name="leg">', "<model>", "<model>"), ('name="leg"', "", "robot has no name"),
     # mass and inertia
     (THIGH_MASS, '<mass value="0"/>', r"'hip' moves .*\(mass 0"),
     (THIGH_MASS, '<mass value="-7"/>', "'hip' moves .*mass -7 kg"),
     *mass("heavy", "1,5", "nan", "inf", "1e400", "0x10", "1_000", "\u0667", "", "9" * 9999),
-    moments(1, "nan", 1, said="iyy is not"),
-    ('ixx="0.08"', "", "missing ixx"),
-    moments(1, 1, -1),
-    moments(1, 1, 1, xy=2),
-    moments(1e300, 1e300, 1e300, said=r"'hip' moves .* below 1e\+100"),
+    moments(1, "nan", 1, said="iyy is not"), ('ixx="0.08"', "", "missing ixx"), moments(1, 1, -1),
+    moments(1, 1, 1, xy=2), moments(1e300, 1e300, 1e300, said=r"'hip' moves .* below 1e\+100"),
     moments(1, 1, 2.02),  # the triangle inequality is broken by 1 %
     (THIGH_MASS, THIGH_MASS * 2, "'thigh' inertial has 2 of <mass>"),
     ('xyz="0 0 -0.2"', 'xyz="0 0 nan"', r"\[nan\]"),
@@ -111,8 +106,7 @@ REFUSED = [
     (END, '<link name="stray"/></robot>', r"2 roots \(base, stray\)"),
     ('<parent link="base"/>', '<parent link="toe"/>', "form a loop"),
     (PARENT, '<parent link="thihg"/>', "'knee' parent is 'thihg'"),
-    ('<child link="shank"/>', "", "'knee' has no child"),
-    (END, CLOSE, "'toe' has two parents"),
+    ('<child link="shank"/>', "", "'knee' has no child"), (END, CLOSE, "'toe' has two parents"),
     (END, '<link name="toe"/></robot>', "'toe' is used 2 times"),
     (KNEE, 'name="hip" type="revolute"', "'hip' is used 2 times"),
     # joints
@@ -133,8 +127,7 @@ REFUSED = [
     (KNEE, 'name="a&#10;&lt;x&gt;" type="revolute"', r"'a\\n<x>' is not a printable"),
     (KNEE, f'name="{"x" * 9999}" type="revolute"', "'x{40}' is not .*at most 200"),
     # shapes
-    (SPHERE, '<box size="1 2"/>', r"\[1 2\]"),
-]  # fmt: skip
+    (SPHERE, '<box size="1 2"/>', r"\[1 2\]")]  # fmt: skip
 
 
 @pytest.mark.parametrize(("old", "new", "said"), REFUSED, ids=lambda value: str(value)[:50])
@@ -188,8 +181,7 @@ TOE = '<link name="toe"/>'
     ((TOE, LINK.format(1, inertia(0, 0, 0))), None),  # a mass at a point
     ((TOE, LINK.format(1e-14, inertia(1e-9, 1e-9, 3e-9))), "no body has (toe)"),
     ((LIMIT, '<limit upper="2" effort="8" velocity="9"/>'), "limit (knee)"),
-    ((LIMIT, '<limit lower="-2" effort="8" velocity="9"/>'), "limit (knee)"),
-])  # fmt: skip
+    ((LIMIT, '<limit lower="-2" effort="8" velocity="9"/>'), "limit (knee)")])  # fmt: skip
 def test_an_irregular_file_is_read_as_it_is_with_a_line(spoil, load, edit, culprit):
     leg = load(spoil(edit))
     *lines, last = leg.warnings

@@ -15,8 +15,7 @@ KINDS = {
     "free": pin.JointModelFreeFlyer, "ball": pin.JointModelSpherical,
     "slide": lambda: pin.JointModelPrismaticUnaligned(np.array([0.6, 0.0, 0.8])),
     "hinge": lambda: pin.JointModelRevoluteUnaligned(np.array([0.0, 0.6, 0.8])),
-    "continuous": pin.JointModelRUBX,
-}  # fmt: skip
+    "continuous": pin.JointModelRUBX}  # fmt: skip
 
 
 def tree(*kinds):

@@ -111,15 +111,13 @@ def test_the_field_has_the_dynamics_of_the_robot(plan, run, gravity):
     model = HUMAN.with_armature({"hip": 0.2, "knee": 0.1, "ankle": 0.05}).model
     model.gravity.linear = np.array([0.0, 0.0, -gravity])
     leg = kd.Leg.from_model(model, "toe")
-    motion = replace(plan.motion, robot=leg)
-    still = Disturbance(np.ones(3), 1, 1, 0, [0, 0])
+    motion, still = replace(plan.motion, robot=leg), Disturbance(np.ones(3), 1, 1, 0, [0, 0])
     field = MujocoField(motion, plan.impact, None, run.tuning, still)
     field.place()
     q, v = np.array([0.4, 0.7, -0.2]), np.array([3.0, -5.0, 2.0])
     field.data.qpos[field.addresses], field.data.qvel[field.rates] = q, v
     field.mujoco.mj_forward(field.model, field.data)
-    data, momentum = model.createData(), np.zeros(field.model.nv)
-    bias = pin.nonLinearEffects(model, data, q, v)
+    bias, momentum = pin.nonLinearEffects(model, model.createData(), q, v), np.zeros(9)
     agrees(field.data.qfrc_bias[field.rates], bias, closed_form(1e4))
     field.data.qvel[-6:] = 0.0
     field.mujoco.mj_mulM(field.model, field.data, momentum, field.data.qvel)

@@ -1,5 +1,7 @@
 """A motion of splines, by Pinocchio alone."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -93,8 +95,31 @@ def test_the_supporting_foot_stays_and_the_ground_closes_the_momentum(walking, c
     rate = pin.computeCentroidalMomentumTimeVariation(model, data, q, v, a).vector
     weight = pin.computeTotalMass(model) * model.gravity.linear
     force, moment = np.split(walking.ground_wrench(t), 2)
+    alone, other = walking.foot_wrenches(t)
+    assert (alone.tolist(), other.any()) == (walking.ground_wrench(t).tolist(), False)
     supplied = np.concatenate([weight + force, moment - np.cross(data.com[0], force)])
     assert supplied == pytest.approx(rate, abs=closed_form(1e5))
     local = walking.placement.actInv(pin.Force(walking.ground_wrench(t))).vector
     rows = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL)
     agrees(torque + rows.T @ local, pin.rnea(model, data, q, v, a), closed_form(1e3))
+
+
+def test_the_plot_has_shares_of_the_limits_and_margins_in_millimetres(make_motion, swinging):
+    leg, joints, h = swinging.robot, swinging.joints, "height [m]"
+    margins = SimpleNamespace(joints=joints, margins=lambda q, v, a: {h: 0.1 + a[0] / 99, "a": 0})
+    motion = make_motion(leg, joints, limits=margins)
+    torques, speeds, lengths = motion.plot().axes
+    for axes, values, size, names in (
+        (torques, motion.torque, 0.01 * leg.effort_limit, joints),
+        (speeds, motion.v, 0.01 * leg.velocity_limit, joints),
+        (lengths, lambda t: np.array([motion.margins(t)[h]]), 1e-3, ["height"]),
+    ):
+        *lines, _ = axes.lines
+        assert len(lines) == (1 if axes is lengths else 2 * len(joints))
+        for number, line in enumerate(lines):
+            t, shown = line.get_data()
+            right = [(values(x) / size)[number % len(names)] for x in t[::20]]
+            agrees(shown[::20], right, closed_form(10))
+            assert number >= len(names) or axes is speeds or line.get_label() == names[number]
+    assert ("%" in torques.get_ylabel(), "%" in speeds.get_ylabel()) == (True, True)
+    assert "[mm]" in lengths.get_ylabel()

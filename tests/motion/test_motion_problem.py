@@ -1,5 +1,8 @@
 """The nonlinear program of a motion: strikes keep its rows, derivatives are differences."""
 
+import math
+import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import casadi as ca
@@ -15,9 +18,11 @@ from kickdyn.motion.kick_task import KickTask
 from kickdyn.motion.limits import RestingTorqueLimit, SpeedLimit
 from kickdyn.motion.motion_problem import ENDS, JERK, SHARE, MotionProblem
 from kickdyn.motion.row_blocks import Block, Cost, block_solver, make_rows
-from kickdyn.motion.solution import Solution
+from kickdyn.motion.solution import Multipliers, Solution
 from kickdyn.motion.splines import MotionSplines
 from kickdyn.motion.verdict import Verdict
+from kickdyn.robot.collisions import TOUCHING, find_ball_overlaps
+from kickdyn.robot.standing import StandingRobot, joint_spheres
 
 BALL, LEG = kd.Ball(), kd.Leg.human()
 VELOCITY, PLANE = np.array([12.0, 0.0, 5.0]), np.eye(3)[[0, 2]]
@@ -65,16 +70,12 @@ def test_a_strike_keeps_the_rows_of_the_impact(restitution, friction, share):
         assert (broken < closed_form(1e3)) == is_kept, (more, values)
 
 
-def test_forces_and_margins_are_those_of_pinocchio(problem):
+def test_forces_are_those_of_pinocchio(problem):
     model, draw = LEG.model, np.random.default_rng(1)
     for q, v, a in draw.uniform(-0.5, 0.5, (3, 3, 3)):
         torque = pin.rnea(model, model.createData(), q, v, a)
         forces = np.asarray(problem.forces(q, v, a)).ravel()
         agrees(forces, torque / LEG.effort_limit, closed_form(10))
-        ends = np.minimum(q - LEG.lower, LEG.upper - q)
-        uses = np.abs(torque) / LEG.effort_limit, np.abs(v) / LEG.velocity_limit
-        right = np.concatenate([1 - uses[0], 1 - uses[1], ends])
-        agrees(np.asarray(problem.margins(q, v, a)).ravel(), right, closed_form(10))
 
 
 def test_bodies_are_apart_by_the_rows_of_their_points(problem):
@@ -174,8 +175,131 @@ def test_the_verdict_is_by_inverse_dynamics_on_a_finer_grid(problem):
     )
     broken = [line for line in planned.motion.warnings if "beyond its limit" in line]
     assert bool(broken) == (verdict.rows.min() < 0.0)
-    assert verdict.broken >= -verdict.rows.min()
     agrees(planned.motion.q(-0.2), splines[0](-0.2), closed_form(10))
+
+
+@pytest.mark.parametrize(("size", "fault"), [(0.013, None), (0.02, "depth"), (0.15, "limit")])
+def test_a_motion_is_as_bad_as_its_worst_limit_or_depth_in_the_ball(problem, size, fault):
+    """Up to 4.5 mm inside the ball before the impact, a body counts as touching."""
+    verdict = Verdict(problem, drawn_solution(problem, size))
+    motion, more = verdict.planned().motion, 5e-3
+    centre, depth = problem.ball_centre(motion.q(0.0)), 0.0
+    for t in verdict.times[0]:
+        near = find_ball_overlaps(LEG.posture(motion.q(t)), centre, BALL.radius + more)
+        depth = max([depth, *(value - more for value in near.values())])
+    assert depth > 0.0
+    right = {"depth": depth - (TOUCHING - 5e-4), "limit": -verdict.rows.min(), None: 0.0}
+    assert right[fault] == max(right.values())
+    assert verdict.broken == pytest.approx(right[fault], abs=closed_form(1e4))
+
+
+def test_limits_hold_a_launch_back_by_their_multipliers(problem):
+    """10 % more of a limit gives a tenth of its multipliers over the weight of the share."""
+    start, n, rows = drawn_solution(problem), problem.n, len(problem.path.lower)
+    points, speeds = np.zeros((sum(map(len, start.times)), rows + n)), np.zeros(6 * n)
+    points[2, rows + 1], points[5, rows + 1], speeds[n + 2] = -3.0, 1.5, 0.9
+    known = Multipliers(speeds, np.zeros(0), np.zeros(problem.splines.size * n + 1), points, [])
+    solution = replace(start, share=0.83, multipliers=known)
+    right = {"torque of knee": 0.1 * 4.5 / SHARE, "speed of ankle": 0.1 * 0.9 / SHARE}
+    assert problem.effects(solution) == pytest.approx(right)
+    line = Verdict(problem, solution).planned().motion.warnings[0]
+    assert re.search(r"reaches 83 % of the launch.*torque of knee.*speed of ankle", line)
+
+
+@pytest.mark.parametrize(("missing", "is_whole"), [(5e-5, True), (2e-4, False)])
+def test_a_launch_that_is_reached_but_for_a_solver_s_distance_is_whole(problem, missing, is_whole):
+    """Interior points stay up to 1e-4 from the bound of the share."""
+    start = replace(drawn_solution(problem), share=1.0 - missing)
+    bounds = {"shares": (start.share, start.share), "options": {"max_iter": 0}}
+    solution = problem.solve(start, start.rest, start.times, **bounds)
+    assert solution.share == (1.0 if is_whole else start.share)
+
+
+class OnAFoot:
+    """A motion of drawn splines on the left foot, of six joints, and the verdict on it."""
+
+    def __init__(self):
+        sole = [(x, y, -0.035) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
+        locked = {"*ankle*": 0, "*hip_yaw*": 0}
+        robot = kd.Leg.from_robot("g1", base="floating", legs_only=True, locked=locked)
+        support = kd.Support("left_ankle_roll_link", friction=0.6, sole=sole)
+        self.standing = stands = StandingRobot(robot.with_supports(support))
+        free = np.zeros((0, 3)), np.zeros(3), np.zeros((0, 3))
+        task = KickTask(stands.robot, stands.leg, target_of(0.8, 0.4), np.eye(3), *free, stands)
+        self.problem = problem = MotionProblem(task, MotionSplines(0.5, 0.5, (3, 3)))
+        c = np.random.default_rng(1).uniform(-0.2, 0.2, (problem.splines.size, problem.n))
+        self.verdict = Verdict(problem, Solution(c[0], c, 1.0, problem.splines.times(2, 4)))
+        self.motion = self.verdict.planned().motion
+
+    def ground(self, wrench):
+        """Return the least margins of a wrench or impulse of the ground, by the sole's corners."""
+        (x, y, z), moment = np.split(wrench, 2)
+        low, high = self.standing.sole.min(axis=0), self.standing.sole.max(axis=0)
+        turns, middle = np.arange(8) * math.pi / 4, (low + high) / 2
+        centre = np.array([-moment[1], moment[0]]) / z
+        twist = abs((moment[2] - middle[0] * y + middle[1] * x) / z)
+        return {
+            "friction": 0.6 * math.cos(math.pi / 8)
+            - ((np.cos(turns) * x + np.sin(turns) * y) / z).max(),
+            "centre": min((centre - low).min(), (high - centre).min()),
+            "moment": 0.5 * 0.6 * math.hypot(*(high - low)) / 2 - twist,
+        }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def on_a_foot():
+    return OnAFoot()
+
+
+def test_the_ground_s_impulse_in_a_verdict_is_that_of_a_strike(on_a_foot):
+    standing, verdict, motion = on_a_foot.standing, on_a_foot.verdict, on_a_foot.motion
+    posture = standing.robot.posture(motion.q(0.0)).with_contact_offset((0.02, 0.0, 0.01))
+    impulse = verdict.problem.task.target.impulse
+    _, wrench = posture.respond(-impulse @ posture.jacobian)
+    about = wrench[3:] + np.cross(standing.placement.translation, wrench[:3])
+    right = on_a_foot.ground(np.append(wrench[:3], about))
+    right = [wrench[2] / np.linalg.norm(impulse) - 0.005, *right.values()]
+    shown = [rows.min() for rows in np.split(verdict.impulse, [1, 9, 13])]
+    agrees(shown, right, closed_form(1e4))
+    named = {line.partition(" in the impact is beyond")[0] for line in motion.warnings}
+    labels = [limit.limit.labels[0] for limit in verdict.problem.impulse_limits]
+    assert [label in named for label in labels] == [margin < 0.0 for margin in right]
+    assert min(right) < 0.0
+
+
+@pytest.mark.parametrize("t", np.arange(-44, 46, 4) / 100)
+def test_the_margins_of_a_motion_are_those_of_its_torques_and_its_ground(on_a_foot, t):
+    standing, motion = on_a_foot.standing, on_a_foot.motion
+    robot, margins, q = motion.robot, motion.margins(t), motion.q(t)
+    wrench, model, data = motion.ground_wrench(t), robot.model, robot.model.createData()
+    right = on_a_foot.ground(wrench)
+    pin.forwardKinematics(model, data, q)
+    foot, pose = joint_spheres(robot, robot.contact_joint), data.oMi[robot.contact_joint]
+    places = foot.centres @ pose.rotation.T + pose.translation
+    weight = 9.81 * pin.computeTotalMass(model)
+    expected = {
+        "the ground's force on the supporting foot": wrench[2] / weight - 0.05,
+        "friction under the supporting foot": right["friction"],
+        "the centre of pressure under the supporting foot [m]": right["centre"] - 3e-3,
+        "the moment about the vertical under the supporting foot [m]": right["moment"],
+        "the tilt of the trunk": data.oMi[1].rotation[2, 2] - math.cos(math.radians(40)),
+    }
+    for name in motion.joints:
+        column, (low, high) = robot.velocity_index(name), robot.joint_range(name)
+        angle = robot.joint_values(q)[name]
+        torque, speed = abs(motion.torque(t)[column]), abs(motion.v(t)[column])
+        expected[f"torque of {name}"] = 1.0 - torque / robot.effort_limit[column]
+        expected[f"speed of {name}"] = 1.0 - speed / robot.velocity_limit[column]
+        expected[f"range of {name} [rad]"] = min(angle - low, high - angle)
+    shown = {name: margins[name] for name in expected}
+    assert shown == pytest.approx(expected, rel=closed_form(1e4))
+    height = margins.pop("the height of the kicking foot above the ground [m]")
+    apart = margins.pop("the distance of the kicking foot from the supporting foot [m]")
+    assert margins.keys() == expected.keys()
+    # 14 and 6 spheres that span the foot are beyond its points
+    assert height == pytest.approx((places[:, 2] - foot.radii).min(), abs=8e-3)
+    beside = standing.sole[:, 1].min() - (places[:, 1] + foot.radii).max()
+    assert apart == pytest.approx(beside, abs=0.02)
 
 
 def test_times_are_added_where_limits_are_nearest(problem):

@@ -57,14 +57,11 @@ def test_the_symbols_are_those_of_pinocchio(name):
     data, tree, floating = model.createData(), SymbolicTree(model), on_a_floating_base(model)
     other, local = model.njoints // 2, np.array([0.1, -0.2, 0.3])
     results = {
-        "torque": tree.inverse_dynamics()[0],
-        "wrench": tree.inverse_dynamics()[1],
+        "torque": tree.inverse_dynamics()[0], "wrench": tree.inverse_dynamics()[1],
         "no gravity": tree.inverse_dynamics(gravity=False)[0],
-        "point": tree.point(joint, leg.contact_lever),
-        "rotation": tree.rotation(joint),
-        "turning": tree.angular_velocity(joint),
-        "seen": tree.seen_from(other, joint, ca.DM(local)),
-    }
+        "point": tree.point(joint, leg.contact_lever), "rotation": tree.rotation(joint),
+        "turning": tree.angular_velocity(joint), "seen": tree.seen_from(other, joint, ca.DM(local)),
+    }  # fmt: skip
     in_symbols = ca.Function("all", [tree.q, tree.v, tree.a], list(results.values()))
     for q, v, a in draw.normal(size=(5, 3, model.nv)):
         pin.forwardKinematics(model, data, q, v)
@@ -75,14 +72,10 @@ def test_the_symbols_are_those_of_pinocchio(name):
         weight = pin.computeGeneralizedGravity(model, model.createData(), q)
         turning = pin.getVelocity(model, data, joint, pin.LOCAL_WORLD_ALIGNED).angular
         expected = {
-            "torque": torque,
-            "wrench": wrench,
-            "no gravity": torque - weight,
-            "point": leg.posture(q).contact_point,
-            "rotation": data.oMi[joint].rotation,
-            "turning": turning,
-            "seen": data.oMi[other].actInv(data.oMi[joint].act(local)),
-        }
+            "torque": torque, "wrench": wrench, "no gravity": torque - weight,
+            "point": leg.posture(q).contact_point, "rotation": data.oMi[joint].rotation,
+            "turning": turning, "seen": data.oMi[other].actInv(data.oMi[joint].act(local)),
+        }  # fmt: skip
         values = dict(zip(results, in_symbols(q, v, a), strict=True))
         for what, right in expected.items():
             agrees(np.asarray(values[what]).squeeze(), right, closed_form(1e3))

@@ -61,14 +61,9 @@ def test_items_are_the_extremes_of_impulses_by_eq_10(postures):
             assert items[name].ours == pytest.approx(inside, rel=closed_form(1e3)), name
 
 
-@pytest.mark.parametrize(
-    ("leg", "q", "words"),
-    [
-        (LEG, [0.0, -1.0, 0], "range"),
-        (LEG, [0.0, 0.0], r"shape \(2,\)"),
-        (LEG.locked({"ankle": 0.0}), [0.1, 0.2], "0 degrees of self-motion"),
-    ],
-)
+@pytest.mark.parametrize(("leg", "q", "words"), [
+    (LEG, [0.0, -1.0, 0], "range"), (LEG, [0.0, 0.0], r"shape \(2,\)"),
+    (LEG.locked({"ankle": 0.0}), [0.1, 0.2], "0 degrees of self-motion")])  # fmt: skip
 def test_a_leg_without_self_motion_and_other_bad_input_is_refused(leg, q, words):
     with pytest.raises(kd.InvalidInput, match=words):
         self_motion(leg, q)

@@ -46,11 +46,9 @@ def test_newton_meets_the_goals_in_few_steps(goal):
     assert abs(rounds[-1].time_error) < optimized(1e-10)
 
 
-@pytest.mark.parametrize(
-    ("goal", "air"),
-    [((1000, 5), kd.Air()), ((60, 6), kd.Air(wind=(-30, 0, 0))), ((1, 1), kd.Air(wind=(0, 0, 60)))],
-    ids=["faster than sound", "too many rounds", "a flight that does not land"],
-)  # fmt: skip
+@pytest.mark.parametrize(("goal", "air"), [
+    ((1000, 5), kd.Air()), ((60, 6), kd.Air(wind=(-30, 0, 0))), ((1, 1), kd.Air(wind=(0, 0, 60))),
+], ids=["faster than sound", "too many rounds", "a flight that does not land"])  # fmt: skip
 def test_the_loop_ends_where_it_does_not_meet_the_goal(goal, air):
     rounds = learn_launch(*goal, kd.Ball(), air)
     assert not any(step.is_met for step in rounds)
@@ -73,11 +71,10 @@ def test_items_count_corrections_and_have_the_errors_of_the_first_flight():
         assert f"{launch.speed:.4f} m/s, {np.degrees(launch.angle):.4f} deg" in planner.why
 
 
-@pytest.mark.parametrize(
-    ("goals", "reproduced", "words"),
-    [(fig_15.GOALS[1::-1], [False, False], "not more"),  # the nearer one comes last
-     (((1000.0, 5.0, 1), fig_15.GOALS[0]), [False, True], "more")],  # faster than sound
-)  # fmt: skip
+@pytest.mark.parametrize(("goals", "reproduced", "words"), [
+    (fig_15.GOALS[1::-1], [False, False], "not more"),  # the nearer one comes last
+    (((1000.0, 5.0, 1), fig_15.GOALS[0]), [False, True], "more"),  # faster than sound
+])  # fmt: skip
 def test_goals_must_be_met_and_farther_ones_need_more_rounds(goals, reproduced, words, monkeypatch):
     monkeypatch.setattr(fig_15, "GOALS", goals)
     items = fig_15.varying(fig_15.DEFAULT)

@@ -242,11 +242,8 @@ def test_the_ball_does_not_lie_inside_the_foot():
 
 def test_a_section_is_chosen_by_its_tables_and_figures():
     names = {
-        "table 2": "Table 2",
-        "Figure 8": "Fig. 8",
-        "FIG 14": "Fig. 13-15",
-        "fig. 7": "Table 2",
-    }
+        "table 2": "Table 2", "Figure 8": "Fig. 8", "FIG 14": "Fig. 13-15", "fig. 7": "Table 2",
+    }  # fmt: skip
     assert {only: chosen(only)[0].name for only in names} == names
     assert tuple(chosen(None)) == SECTIONS
     for only in ("table 9", "", "1", "sfig8", "fig 8 9"):
@@ -254,10 +251,9 @@ def test_a_section_is_chosen_by_its_tables_and_figures():
             chosen(only)
 
 
-@pytest.mark.parametrize(
-    ("paper", "ours", "shown"),
-    [(2.0, 3.0, "+50.00 %"), (8.0, 7.5, "-6.25 %"), (7.5, 7.4999999, "+0.00 %"), (None, 1.0, "")],
-)
+@pytest.mark.parametrize(("paper", "ours", "shown"), [
+    (2.0, 3.0, "+50.00 %"), (8.0, 7.5, "-6.25 %"), (7.5, 7.4999999, "+0.00 %"), (None, 1.0, ""),
+])  # fmt: skip
 def test_the_difference_is_relative_to_the_paper(paper, ours, shown):
     assert Item("a", paper, ours, "m", Verdict.REPRODUCED, "", "").difference == shown
 

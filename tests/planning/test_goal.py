@@ -82,23 +82,18 @@ def test_a_goal_seen_from_elsewhere_is_the_same_in_the_world():
     assert not at.receiver_velocity.any()
 
 
-@pytest.mark.parametrize(
-    ("target", "named", "words"),
-    [
-        (30, {}, "nothing is given"), (30, {"time": 1, "apex": 2}, "time and apex are given"),
-        (30, {"time": -1}, "time is -1.0"), (20, {"time": 1e-300}, "time is 1e-300"),
-        (30, {"apex": 0}, "apex is 0"), (30, {"speed": -2}, "speed is -2"),
-        (-3, {"time": 1}, "distance is -3.0"),
-        ((0, 0, 3), {"time": 1}, "straight above or below"),
-        ((1, 2), {"time": 1}, r"shape \(2,\)"), (2e4, {"time": 1}, "at most 10000 m"),
-        (30, {"over": (31, 2)}, "over is at 31 m"),
-        (30, {"time": 1, "beside": (0, 2)}, "beside is at 0 m"),
-        (math.nan, {"time": 1}, "target is nan"),
-        (30, {"time": 1, "spin": (0, 1)}, "spin has shape"),
-        (30, {"time": 1, "arc": "flat"}, "arc is 'flat'.*low, high"),
-        (10, {"time": 1, "receiver_velocity": (101, 0, 0)}, "speed of the receiver is .* 100"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("target", "named", "words"), [
+    (30, {}, "nothing is given"), (30, {"time": 1, "apex": 2}, "time and apex are given"),
+    (30, {"time": -1}, "time is -1.0"), (20, {"time": 1e-300}, "time is 1e-300"),
+    (30, {"apex": 0}, "apex is 0"), (30, {"speed": -2}, "speed is -2"),
+    (-3, {"time": 1}, "distance is -3.0"), ((0, 0, 3), {"time": 1}, "straight above or below"),
+    ((1, 2), {"time": 1}, r"shape \(2,\)"), (2e4, {"time": 1}, "at most 10000 m"),
+    (30, {"over": (31, 2)}, "over is at 31 m"),
+    (30, {"time": 1, "beside": (0, 2)}, "beside is at 0 m"),
+    (math.nan, {"time": 1}, "target is nan"), (30, {"time": 1, "spin": (0, 1)}, "spin has shape"),
+    (30, {"time": 1, "arc": "flat"}, "arc is 'flat'.*low, high"),
+    (10, {"time": 1, "receiver_velocity": (101, 0, 0)}, "speed of the receiver is .* 100"),
+])  # fmt: skip
 def test_bad_input(target, named, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.Goal(target, **named)

@@ -75,14 +75,10 @@ def test_a_place_on_the_path_gives_the_time(passes, beside):
     assert ball.position == pytest.approx(point, abs=closed_form(1e4))
 
 
-@pytest.mark.parametrize(
-    ("meet_at", "words"),
-    [
-        ((1, 2, 3), "passes it at a distance of"), (5.3, r"out of reach at meet_at: .* 0\.3 s"),
-        (14.0, r"meet_at is 14 s: it must be at most .* comes to rest"),
-        (6.4, "behind the leg at meet_at"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("meet_at", "words"), [
+    ((1, 2, 3), "passes it at a distance of"), (5.3, r"out of reach at meet_at: .* 0\.3 s"),
+    (14.0, r"meet_at is 14 s: it must be at most .* comes to rest"),
+    (6.4, "behind the leg at meet_at")])  # fmt: skip
 def test_a_meeting_that_cannot_be_is_named(meet_at, words):
     meets = kd.IncomingBall(ROLLING, meet_at=meet_at).on_ground_of(HUMAN, BALL)
     course, reach = meets.course(BALL, AIR), reach_of(HUMAN, BALL)
@@ -103,18 +99,14 @@ def test_times_in_the_plane_are_the_roots_of_the_distance():
         waits_in_plane(times, lambda t: 0.5 + t)
 
 
-@pytest.mark.parametrize(
-    ("state", "options", "words"),
-    [
-        (kd.BallState(velocity=(101, 0, 0)), {}, "speed of the incoming ball is 101"),
-        (ROLLING, {"meet_at": (math.nan, 0, 0)}, "finite"),
-        (ROLLING, {"meet_at": (1, 0)}, r"shape \(2,\)"),
-        (kd.BallState(velocity=[(1, 0, 0)] * 2), {}, "several states"),
-        (ROLLING, {"meet_at": 1.0}, "meet_at is 1 s: it must be at least 5 s"),
-        (ROLLING, {"ground": kd.Ground(-0.7, "turf")}, r"0\.114 m in the ground"),
-        (ROLLING, {"ground": kd.Ground(-0.9)}, "no surface"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("state", "options", "words"), [
+    (kd.BallState(velocity=(101, 0, 0)), {}, "speed of the incoming ball is 101"),
+    (ROLLING, {"meet_at": (math.nan, 0, 0)}, "finite"),
+    (ROLLING, {"meet_at": (1, 0)}, r"shape \(2,\)"),
+    (kd.BallState(velocity=[(1, 0, 0)] * 2), {}, "several states"),
+    (ROLLING, {"meet_at": 1.0}, "meet_at is 1 s: it must be at least 5 s"),
+    (ROLLING, {"ground": kd.Ground(-0.7, "turf")}, r"0\.114 m in the ground"),
+    (ROLLING, {"ground": kd.Ground(-0.9)}, "no surface")])  # fmt: skip
 def test_bad_input(state, options, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.IncomingBall(state, **options).on_ground_of(HUMAN, BALL)

@@ -1,7 +1,9 @@
 """Planned kicks: struck and flown again, within limits, and no worse than kicks that are drawn."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -11,6 +13,7 @@ from scipy.spatial import ConvexHull
 from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
+from kickdyn.planning import kick as module
 from kickdyn.planning.objectives import OBJECTIVES
 
 HUMAN = kd.Leg.human()
@@ -138,27 +141,56 @@ def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
     assert lifted.speed_use > 1
 
 
-@pytest.mark.parametrize(
-    ("goal", "options", "words"),
-    [
-        (kd.Goal(30, time=1.5), {"objective": "beauty"}, "beauty.*joint-speed, joint-impulse"),
-        (kd.Goal(15, time=1), {"objective": "torque-squared"}, "torque-squared"),
-        (kd.Goal(15, time=1), {"objective": "joint-speed", "motion": True}, "motion=True"),
-        (kd.Goal(15, time=1), {"limits": False, "motion": True}, "limits is False"),
-        (kd.Goal(15, time=1), {"motion": "two"}, "motion is 'two'.*both-feet"),
-        (kd.Goal(15, time=1), {"contact": kd.Contact((1, 0, 0))}, r"normal \[1.0, 0.0, 0.0\]"),
-        (kd.Goal(15, time=1), {"ball_position": (0, 1)}, r"ball_position has shape \(2,\)"),
-        (kd.Goal(15, time=1), {"ball_position": 1e10}, r"ball_position is 1(e\+|0{10})"),
-        (kd.Goal(15, time=1), {"ball_position": (0.2, 0.2, -0.7)}, "is 0.2 m from the plane"),
-        (kd.Goal((10, 0, 3), apex=1), {}, "apex 3 m"),
-        (kd.Goal(4, apex=1), {"surface": "carpet"}, "must have a time or a speed"),
-        (kd.Goal(4, time=60), {"surface": "carpet"}, "stops before the target"),
-        (kd.Goal(4, time=1, spin=(5, 0, 0)), {"surface": "carpet"}, r"spin has [45]\.?\d* rad/s"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("goal", "options", "words"), [
+    (kd.Goal(30, time=1.5), {"objective": "beauty"}, "beauty.*joint-speed, joint-impulse"),
+    (kd.Goal(15, time=1), {"objective": "torque-squared"}, "torque-squared"),
+    (kd.Goal(15, time=1), {"objective": "joint-speed", "motion": True}, "motion=True"),
+    (kd.Goal(15, time=1), {"limits": False, "motion": True}, "limits is False"),
+    (kd.Goal(15, time=1), {"motion": "two"}, "motion is 'two'.*both-feet"),
+    (kd.Goal(15, time=1), {"contact": kd.Contact((1, 0, 0))}, r"normal \[1.0, 0.0, 0.0\]"),
+    (kd.Goal(15, time=1), {"ball_position": (0, 1)}, r"ball_position has shape \(2,\)"),
+    (kd.Goal(15, time=1), {"ball_position": 1e10}, r"ball_position is 1(e\+|0{10})"),
+    (kd.Goal(15, time=1), {"ball_position": (0.2, 0.2, -0.7)}, "is 0.2 m from the plane"),
+    (kd.Goal((10, 0, 3), apex=1), {}, "apex 3 m"),
+    (kd.Goal(4, apex=1), {"surface": "carpet"}, "must have a time or a speed"),
+    (kd.Goal(4, time=60), {"surface": "carpet"}, "stops before the target"),
+    (kd.Goal(4, time=1, spin=(5, 0, 0)), {"surface": "carpet"}, r"spin has [45]\.?\d* rad/s"),
+])  # fmt: skip
 def test_bad_input(goal, options, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.plan_kick(HUMAN, goal, BALL, None, **options)
+
+
+@pytest.mark.parametrize("place", [(0.3, 0.2, 0.5), (BALL.radius, 0.2, 0.5), 0.5])
+def test_a_standing_robot_kicks_no_ball_above_its_ground(place):
+    with pytest.raises(kd.InvalidInput, match=r"is at a height of 0\.5 m"):
+        kd.plan_kick(STANDING, kd.Goal(3, time=0.4), BALL, AIR, ball_position=place)
+    for lies in ((0.5, 0.2, BALL.radius), BALL.radius):
+        agrees(module._lying_on_ground(lies, BALL), lies, 0)
+
+
+def test_a_motion_is_planned_again_for_the_contact_that_is_given(monkeypatch):
+    """The posture stands for the motion: `strike` with that contact gives the wished launch."""
+    plan = kd.plan_kick(HUMAN, kd.Goal(15, time=1.1), BALL, AIR)
+    plan, wished = replace(plan, motion=SimpleNamespace(shift=None)), 0.98 * plan.launch.velocity
+    monkeypatch.setattr(module, "_plan_motion", lambda problem, *_, **__: module._plan_posture(
+        problem, OBJECTIVES["foot-speed"]()))  # fmt: skip
+    for contact in (None, kd.Contact(restitution=0.6, friction=0.5)):
+        again = module.replan_motion(plan, wished, contact)
+        rough = kd.Contact(again.impact.contact.normal, 0.6 if contact else 0.8, friction=0.4)
+        hit = kd.strike(again.leg.posture(again.q), again.v, BALL, rough)
+        agrees(hit.ball_after.velocity, wished, closed_form(1e4))
+
+
+def test_a_robot_is_turned_about_the_ball_by_what_its_motion_lacks_in_azimuth(monkeypatch):
+    wished = np.array([3.0, 2.0, 1.0])
+    after = SimpleNamespace(velocity=np.array([-3.0, 4.0, 2.0]))
+    plan = SimpleNamespace(leg=STANDING, impact=SimpleNamespace(ball_after=after))
+    monkeypatch.setattr(module, "replan_motion", lambda _, velocity, __: velocity)
+    monkeypatch.setattr(module, "turn_plan", lambda velocity, angle: (velocity, angle))
+    asked, angle = module.replan_turned(plan, wished)
+    agrees(asked[:2] / np.hypot(*asked[:2]), [-0.6, 0.8], closed_form())
+    agrees(pin.rpy.rpyToMatrix(0, 0, angle) @ asked, wished, closed_form(10))
 
 
 @pytest.fixture(scope="module")

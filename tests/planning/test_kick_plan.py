@@ -105,3 +105,10 @@ def test_bodies_in_the_way_of_the_ball_after_the_impact_are_named(placed, back):
     assert max(depths.values(), default=0.0) == pytest.approx(
         max(right.values(), default=0.0), abs=0.01
     )
+
+
+def test_a_restitution_out_of_its_range_of_speeds_is_a_warning_only():
+    contact = kd.Contact(restitution=[[1.0, 0.8], [2.0, 0.75]], friction=0.4)
+    plan = kd.plan_kick(HUMAN, kd.Goal(8, time=1), BALL, AIR, contact=contact)
+    assert plan.status == "met"
+    assert lines(plan, "restitution")

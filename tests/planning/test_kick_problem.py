@@ -9,7 +9,7 @@ import kickdyn as kd
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.planning import kick_problem as module
 from kickdyn.planning.kick_problem import explain_infeasible, kick_problem
-from kickdyn.planning.kick_terms import SpeedLimit, StrikeVelocity, TorqueLimit
+from kickdyn.planning.kick_terms import Facing, SpeedLimit, StrikeVelocity, TorqueLimit
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
 
 BALL = kd.Ball()
@@ -44,19 +44,23 @@ def test_a_leg_that_moves_sideways_is_not_turned_and_a_tilted_plane_is_refused()
         kick_problem(kd.Leg.from_model(tilted, "toe"), target_of(1.0, 1.0, 5.0))
 
 
-@pytest.mark.parametrize(
-    ("leg", "target", "options", "words"),
-    [
-        (HUMAN, target_of(9, 0, 4, spin=(0, 0, 9)), {}, "side spin"),
-        (HUMAN, target_of(9, 0, 4), {"solver": "best"}, "solver is 'best'.*slsqp"),
-        (HUMAN, target_of(9, 0, 4), {"ball_position": np.array([0.2, 0.2, -0.7])}, "is 0.2 m from"),
-        (HUMAN.with_base_velocity((3, 1, 0)), target_of(9, 0, 4), {}, "velocity of the base"),
-        (STANDING.with_supports(), target_of(3, 0, 1), {}, "does not stand"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("leg", "target", "options", "words"), [
+    (HUMAN, target_of(9, 0, 4, spin=(0, 0, 9)), {}, "side spin"),
+    (HUMAN, target_of(9, 0, 4), {"solver": "best"}, "solver is 'best'.*slsqp"),
+    (HUMAN, target_of(9, 0, 4), {"ball_position": np.array([0.2, 0.2, -0.7])}, "is 0.2 m from"),
+    (HUMAN.with_base_velocity((3, 1, 0)), target_of(9, 0, 4), {}, "velocity of the base"),
+    (STANDING.with_supports(), target_of(3, 0, 1), {}, "does not stand")])  # fmt: skip
 def test_what_a_leg_cannot_do_is_refused(leg, target, options, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kick_problem(leg, target, **options)
+
+
+@pytest.mark.parametrize("offset", [None, (0.02, 0.0, 0.01)])
+def test_a_side_of_the_foot_is_demanded_at_the_contact_point_of_its_file_only(offset, monkeypatch):
+    monkeypatch.setattr(module, "bodies_near_ball", lambda robot: ())
+    contact = kd.Contact(restitution=0.8, friction=0.4, offset=offset)
+    facing = kick_problem(G1, target_of(3, 0, 1, contact=contact)).find(Facing)
+    assert (facing is None) == (offset is not None)
 
 
 @pytest.mark.parametrize(("limits", "weak"), [(True, False), ("muscles", True)])
@@ -68,14 +72,10 @@ def test_only_muscles_lose_their_torque_at_the_speed_limit(limits, weak):
     assert (use[0] > 1.0, use[1] > 1.0) == (weak, False)
 
 
-@pytest.mark.parametrize(
-    ("cause", "words"),
-    [
-        (Upright, "trunk"), (Clearance, "kicking foot"), (Balance, "centre of mass"),
-        (SpeedLimit, "speed and torque limits"), (TorqueLimit, "speed and torque limits"),
-        (None, "ranges of its joints"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("cause", "words"), [
+    (Upright, "trunk"), (Clearance, "kicking foot"), (Balance, "centre of mass"),
+    (SpeedLimit, "speed and torque limits"), (TorqueLimit, "speed and torque limits"),
+    (None, "ranges of its joints")])  # fmt: skip
 def test_the_condition_that_a_standing_robot_cannot_meet_is_named(cause, words, monkeypatch):
     """Where only the problem without that condition has a solution."""
     problem = kick_problem(STANDING, target_of(3, 0, 2))
@@ -88,3 +88,10 @@ def test_the_condition_that_a_standing_robot_cannot_meet_is_named(cause, words, 
 
     monkeypatch.setattr(module.KickProblem, "solve", solve)
     assert words in explain_infeasible(problem)
+
+
+def test_starts_have_the_foot_velocity_of_the_strike_on_a_base_that_moves():
+    problem = kick_problem(HUMAN.with_base_velocity((1.5, 0.0, 0.4)), target_of(6, 0, 2))
+    strike = problem.find(StrikeVelocity)
+    errors = [np.abs(strike.value(problem.variables.point(x))).max() for *_, x in problem.rated()]
+    assert np.median(errors) < closed_form(10)

@@ -45,13 +45,9 @@ def compare_slopes(term, variables, x, tolerance):
     agrees(term.slope(variables.point(x)), np.transpose(differences), tolerance)
 
 
-@pytest.mark.parametrize(
-    ("name", "friction", "restitution", "offset"),
-    [
-        ("human", 0.4, 0.8, None), ("human", 0.0, TABLE, (0.02, 0, 0.01)),
-        ("g1", 0.4, TABLE, None), ("g1", 0.0, 0.8, (0.02, 0, 0.01)),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "friction", "restitution", "offset"), [
+    ("human", 0.4, 0.8, None), ("human", 0.0, TABLE, (0.02, 0, 0.01)), ("g1", 0.4, TABLE, None),
+    ("g1", 0.0, 0.8, (0.02, 0, 0.01))])  # fmt: skip
 def test_slopes_are_those_of_the_values(name, friction, restitution, offset):
     problem = kick_problem(LEGS[name], target_of(friction, restitution, offset), -0.6)
     variables, x = problem.variables, drawn(problem.variables)
@@ -99,6 +95,7 @@ def test_the_torque_keeps_the_speed_of_the_joints():
         limit = leg.effort_limit[variables.vs]
         agrees(term.use(point), np.abs(torque) / limit, closed_form(10))
         agrees(term.value(point), 1 - (torque / limit) ** 2, closed_form(10))
+        agrees(variables.upper, np.minimum(leg.upper[variables.vs], np.pi), 0)
         speed = SpeedLimit(variables)
         use = np.abs(point.v[variables.vs]) / leg.velocity_limit[variables.vs]
         agrees(speed.use(point), use, closed_form(10))

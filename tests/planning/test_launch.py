@@ -7,6 +7,7 @@ import pytest
 from tolerances import agrees, optimized
 
 import kickdyn as kd
+from kickdyn.planning.launch_family import LaunchFamily
 from kickdyn.planning.launch_solver import ShootingProblem, apex, crossing
 
 BALL, AIR, G = kd.Ball(), kd.Air(drag="brazuca"), 9.81
@@ -67,17 +68,13 @@ def test_a_launch_that_was_flown_is_found_again(kind, seed):
 LOW, FAR = (20.0, 0.0, 2.2), (25.0, 0.0, 1.0)
 
 
-@pytest.mark.parametrize(
-    ("goal", "limit", "nearest"),
-    [
-        (kd.Goal(FAR, speed=12), "least-speed", math.sqrt(G * (1 + math.hypot(25, 1)))),
-        (kd.Goal((300, 0, 30), time=4), "speed-limit", 35**2 / G * (math.sqrt(1.01) - 0.1)),
-        (kd.Goal(LOW, apex=2.0), "lowest-path", 2.2),
-        (kd.Goal(LOW, over=(9.15, 80)), "highest-path", None),
-        (kd.Goal(LOW, time=0.4), "speed-limit", None),
-        (kd.Goal(LOW, time=9), "speed-limit", None),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("goal", "limit", "nearest"), [
+    (kd.Goal(FAR, speed=12), "least-speed", math.sqrt(G * (1 + math.hypot(25, 1)))),
+    (kd.Goal((300, 0, 30), time=4), "speed-limit", 35**2 / G * (math.sqrt(1.01) - 0.1)),
+    (kd.Goal(LOW, apex=2.0), "lowest-path", 2.2),
+    (kd.Goal(LOW, over=(9.15, 80)), "highest-path", None),
+    (kd.Goal(LOW, time=0.4), "speed-limit", None), (kd.Goal(LOW, time=9), "speed-limit", None),
+])  # fmt: skip
 def test_the_nearest_launch_in_the_vacuum_has_a_closed_form(goal, limit, nearest):
     launch = kd.plan_launch(goal, BALL, speed_limit=35)
     assert (launch.status, launch.limit, launch.others) == ("unreachable", limit, ())
@@ -110,6 +107,20 @@ def test_low_and_high_arc_of_the_vacuum():
     assert low.summary.startswith("2 launches")
 
 
+@pytest.mark.parametrize(("speed", "falls"), [(12.0, True), (25.0, False)])
+def test_a_family_turns_at_the_slowest_launch_of_the_vacuum(speed, falls):
+    """It takes sqrt(2 d / g) over the distance d; above 16 m/s, it is the farthest from a speed."""
+    problem, goal = ShootingProblem(BALL, None, np.zeros(3)), kd.Goal(FAR, speed=speed)
+    family, time = LaunchFamily(problem, goal, 40.0, 0.0), math.sqrt(2 * math.hypot(25, 1) / G)
+    ends = [family._member(family._nominal(share * time), steps=20) for share in (0.8, 1.3)]
+    turning = family._turning_point(goal, *ends)
+    assert (turning is not None) is falls
+    if falls:
+        assert turning.time == pytest.approx(time, rel=optimized(1e-6))
+        slowest = math.sqrt(G * (1 + math.hypot(25, 1)))
+        assert turning.speed == pytest.approx(slowest, rel=optimized(1e-7))
+
+
 def test_a_curved_kick_passes_beside_the_wall_within_the_spin_limit():
     goal = kd.Goal((22, 3, 2.2), time=1.1, beside=(9.15, 0.8))
     launch = kd.plan_launch(goal, BALL, AIR)
@@ -117,6 +128,9 @@ def test_a_curved_kick_passes_beside_the_wall_within_the_spin_limit():
     assert launch.spin[2] < 0  # it comes back to the right
     needed = float(np.linalg.norm(launch.spin))
     assert kd.plan_launch(goal, BALL, AIR, spin_limit=1.01 * needed).status == "met"
+    nearest = kd.plan_launch(goal, BALL, AIR, spin_limit=0.5 * needed)
+    assert nearest.limit == "spin-limit"
+    check(nearest, nearest.reached)
 
 
 @pytest.mark.slow

@@ -40,11 +40,9 @@ def landing(plan, incoming, late=0.0):
     return kd.fly(start, BALL, AIR, kd.Ground(-50.0), 1e-12, plane=wall).landing.position
 
 
-@pytest.mark.parametrize(
-    ("incoming", "meet_at", "goal"),
-    [(ROLLING, 5.62, kd.Goal(18, time=1.2)), (BOUNCING, 5.39, kd.Goal((10, 0, 0.3), time=1.0))],
-    ids=["rolling", "bouncing"],
-)
+@pytest.mark.parametrize(("incoming", "meet_at", "goal"), [
+    (ROLLING, 5.62, kd.Goal(18, time=1.2)), (BOUNCING, 5.39, kd.Goal((10, 0, 0.3), time=1.0)),
+], ids=["rolling", "bouncing"])  # fmt: skip
 def test_slopes_of_the_landing_are_differences_of_landings(incoming, meet_at, goal):
     h = 1e-5
     plan = kd.plan_kick(HUMAN, goal, BALL, AIR, incoming=kd.IncomingBall(incoming, meet_at=meet_at))

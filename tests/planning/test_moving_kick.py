@@ -1,6 +1,7 @@
 """Kicks and traps of balls that move: followed, struck and flown again, also in moving frames."""
 
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -8,10 +9,11 @@ from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
 from kickdyn.planning.intercepting_kick import KickSettings
-from kickdyn.planning.interception import reach_of
+from kickdyn.planning.interception import CANDIDATES, reach_of
 from kickdyn.planning.kick_steps import checked_contact
 from kickdyn.planning.moving_kick import Interceptor
 from kickdyn.planning.objectives import KickObjective
+from kickdyn.planning.plan_report import PlanReport
 
 BALL, AIR = kd.Ball(), kd.Air()
 HUMAN = kd.Leg.human()
@@ -56,11 +58,40 @@ def test_a_rolling_ball_is_met_at_the_cheapest_of_the_meetings(rolling):
     kicks = [one for one in rolling.meetings if one.share == 1.0 and not one.reason]
     assert rolling.speed_use == min(meeting.speed_use for meeting in kicks)
     assert all(meeting.reason for meeting in rolling.meetings if meeting.impact is None)
+    times = np.array([meeting.time for meeting in rolling.meetings])
+    halves = 2 * (CANDIDATES - 1) * (times - times[0]) / np.ptp(times)
+    assert halves == pytest.approx(
+        halves.round(), abs=closed_form(1e4)
+    )  # all that were tried, and those
+    assert [n for n in halves.round() if n % 2 == 0] == [*range(0, 2 * CANDIDATES, 2)]
+    assert np.ptp([n for n in halves.round() if n % 2 == 1]) == 2  # halfway beside the best one
     assert pickle.loads(pickle.dumps(rolling)).meeting.time == rolling.meeting.time
     chosen = kd.IncomingBall(ROLLING, meet_at=rolling.meeting.ball.position)
     again = kd.plan_kick(HUMAN, GOAL, BALL, AIR, incoming=chosen)
     assert again.meeting.time == pytest.approx(rolling.meeting.time, abs=optimized(1e-7))
     assert again.speed_use <= rolling.speed_use * 1.01
+
+
+def test_the_plot_has_the_meetings_and_errors_of_10_cm(rolling):
+    """In percent, milliseconds and centimetres; seen from behind, the target's right is right."""
+    left, right, late = (axes.lines for axes in rolling.plot().axes)
+    kicks = [meeting for meeting in rolling.meetings if meeting.impact is not None]
+    assert np.ravel(left[0].get_xdata()).tolist() == [rolling.meeting.time] * 2
+    times, uses, exact = np.transpose([
+        (one.time, 100 * one.speed_use, 1e3 * one.landing_slopes.tolerances[0]) for one in kicks
+    ])  # fmt: skip
+    agrees([left[1].get_data(), late[0].get_data()], [(times, uses), (times, exact)], closed_form())
+    agrees(np.hypot(*right[0].get_data()), np.full(100, 10.0), closed_form(10))
+    slopes, ahead = rolling.meeting.landing_slopes, -np.eye(3)[0]
+    (said,) = (line for line in PlanReport(rolling).sentences() if "10 cm" in line)
+    shown = [float(number) for number in re.findall(r"([\d.]+) m[ms]", said)]  # ms, mm/s, mm
+    assert shown == pytest.approx([1e3 * error for error in slopes.tolerances], rel=0.06)
+    ways = slopes.time, slopes.place @ ahead, slopes.place @ -np.eye(3)[1], slopes.velocity @ ahead
+    for line, way in zip(right[1:], ways, strict=True):
+        amount = float(re.search(r"\d[\d.e+-]*", line.get_label())[0]) / 1e3
+        _, end = np.transpose(line.get_data())
+        assert np.hypot(*end) == pytest.approx(10.0)
+        assert end == pytest.approx(100 * amount * np.array([-way[1], way[2]]), rel=0.06, abs=0.6)
 
 
 def test_a_half_volley_is_met_after_its_bounce():
@@ -113,11 +144,9 @@ def test_a_ball_that_is_seen_again_is_met_at_the_same_time(rolling):
         rolling.replan(incoming=kd.BallState(later.position, later.velocity, time=99.0))
 
 
-@pytest.mark.parametrize(
-    ("ball", "word"),
-    [(ASIDE, None), (kd.BallState((0.4, -0.2, -0.6), (18.0, 3.0, 1.0)), "faster than its launch"),
-     (kd.BallState((0.4, -0.2, -0.6), (3.0, 2.5, 3.0)), "moves away from the foot")],
-)  # fmt: skip
+@pytest.mark.parametrize(("ball", "word"), [
+    (ASIDE, None), (kd.BallState((0.4, -0.2, -0.6), (18.0, 3.0, 1.0)), "faster than its launch"),
+    (kd.BallState((0.4, -0.2, -0.6), (3.0, 2.5, 3.0)), "moves away from the foot")])  # fmt: skip
 def test_where_a_ball_is_and_how_it_moves_away(ball, word):
     incoming, running = kd.IncomingBall(ball, kd.Ground(-1.0, "turf")), np.array([0.5, 0.3, 0.0])
     goal = kd.Goal((9, 1, 0), time=0.9, receiver_velocity=running)
@@ -165,15 +194,10 @@ def test_a_ball_that_rests_before_it_was_to_be_met_is_met_where_it_rests(rolling
     assert met.velocity == pytest.approx(np.zeros(3), abs=closed_form(1e4))
 
 
-@pytest.mark.parametrize(
-    ("leg", "incoming", "velocity"),
-    [
-        (HUMAN, ROLLING, (0.0, 0.0, 0.0)),
-        (HUMAN, DROPPING, (0.5, 0.0, 0.0)),
-        pytest.param(G1, ASIDE, (0.3, -0.4, 0.2), marks=pytest.mark.slow),
-    ],
-    ids=["rolling", "dropping", "aside"],
-)
+@pytest.mark.parametrize(("leg", "incoming", "velocity"), [
+    (HUMAN, ROLLING, (0.0, 0.0, 0.0)), (HUMAN, DROPPING, (0.5, 0.0, 0.0)),
+    pytest.param(G1, ASIDE, (0.3, -0.4, 0.2), marks=pytest.mark.slow),
+], ids=["rolling", "dropping", "aside"])  # fmt: skip
 def test_a_trapped_ball_has_the_wished_velocity(leg, incoming, velocity):
     """The spin along the impulse stays, and friction takes of the other part what it can."""
     plan = kd.plan_trap(leg, incoming, BALL, AIR, velocity=velocity)

@@ -17,10 +17,8 @@ def place_at(velocity, time, spin=(0, 0, 0), surface="turf"):
     return course.sample(time).position - state.position
 
 
-@pytest.mark.parametrize(
-    ("angle", "spin", "surface"),
-    [(0.0, (0, 0, 0), "turf"), (0.3, (0, -10, 20), "turf"), (0.0, (0, 0, 0), "carpet")],
-)
+@pytest.mark.parametrize(("angle", "spin", "surface"), [
+    (0.0, (0, 0, 0), "turf"), (0.3, (0, -10, 20), "turf"), (0.0, (0, 0, 0), "carpet")])  # fmt: skip
 def test_the_ball_comes_there_in_time(angle, spin, surface):
     goal = kd.Goal((6, 1, 0), time=1.3, spin=spin)
     made = kd.plan_pass(goal, BALL, AIR, angle=angle, surface=surface)
@@ -41,13 +39,10 @@ def test_a_pass_meets_a_receiver_who_runs(condition):
     assert place == pytest.approx(goal.target + made.time * running, abs=10 * ACCURACY)
 
 
-@pytest.mark.parametrize(
-    ("goal", "speed_limit", "limit"),
-    [
-        (kd.Goal(6, time=30), 40, "rolling"), (kd.Goal(20, time=0.5), 10, "speed-limit"),
-        (kd.Goal(18, speed=14), 10, "speed-limit"), (kd.Goal(18, speed=3), 40, "least-speed"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("goal", "speed_limit", "limit"), [
+    (kd.Goal(6, time=30), 40, "rolling"), (kd.Goal(20, time=0.5), 10, "speed-limit"),
+    (kd.Goal(18, speed=14), 10, "speed-limit"), (kd.Goal(18, speed=3), 40, "least-speed"),
+])  # fmt: skip
 def test_a_pass_that_cannot_be_has_a_reason(goal, speed_limit, limit):
     made = kd.plan_pass(goal, BALL, AIR, speed_limit=speed_limit)
     assert (made.status, made.limit) == ("unreachable", limit)
@@ -60,17 +55,13 @@ def test_a_pass_that_cannot_be_has_a_reason(goal, speed_limit, limit):
         assert kd.follow(slower, BALL, AIR).distance < 6
 
 
-@pytest.mark.parametrize(
-    ("goal", "options", "words"),
-    [
-        (6, {}, "goal is 6"), (kd.Goal(6, apex=1), {}, "apex 1.*must have a time"),
-        (kd.Goal((6, 0, 1), time=1), {}, "as high as the ball"),
-        (kd.Goal(6, time=1, beside=(3, 1)), {}, "no beside"),
-        (kd.Goal(6, time=1), {"angle": 1.5}, "angle is 1.5"),
-        (kd.Goal(6, time=1), {"speed_limit": 0}, "speed limit is 0"),
-        (kd.Goal(6, time=1), {"surface": "sand"}, "'sand' is unknown"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("goal", "options", "words"), [
+    (6, {}, "goal is 6"), (kd.Goal(6, apex=1), {}, "apex 1.*must have a time"),
+    (kd.Goal((6, 0, 1), time=1), {}, "as high as the ball"),
+    (kd.Goal(6, time=1, beside=(3, 1)), {}, "no beside"),
+    (kd.Goal(6, time=1), {"angle": 1.5}, "angle is 1.5"),
+    (kd.Goal(6, time=1), {"speed_limit": 0}, "speed limit is 0"),
+    (kd.Goal(6, time=1), {"surface": "sand"}, "'sand' is unknown")])  # fmt: skip
 def test_bad_input(goal, options, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.plan_pass(goal, BALL, **options)

@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pinocchio as pin
 import pytest
+from tolerances import optimized
 
 import kickdyn as kd
 from kickdyn.planning.plan_report import PlanReport, describe_passage, score, verdict
@@ -91,6 +92,15 @@ def test_every_number_of_the_json_is_that_of_the_plan(plan):
             assert shown == pytest.approx(value, abs=2e-6), key
 
 
+def test_the_table_has_the_contact_on_its_side_of_the_centre(plan):
+    (line,) = (line for line in PlanReport(plan).table() if line.startswith("impact"))
+    (up, left), impact = contact_point(plan), plan.impact
+    sizes = np.linalg.norm(impact.impulse), np.linalg.norm(impact.posture.jacobian @ plan.v)
+    assert numbers(line)[:4] == pytest.approx([1e3 * abs(up), 1e3 * abs(left), *sizes], abs=0.06)
+    assert f"{'above' if up > 0 else 'below'} the ball's centre" in line
+    assert f"mm to the {'left' if left > 0 else 'right'}" in line
+
+
 def test_beyond_limits_names_them_and_where_the_ball_comes_down(weak):
     said = verdict(weak)
     assert "speed of knee" in said
@@ -104,12 +114,28 @@ def test_beyond_limits_names_them_and_where_the_ball_comes_down(weak):
     assert numbers(wished)[0] == pytest.approx(weak.launch.speed, abs=1e-4)  # digits
 
 
+def test_a_plan_shows_the_kick_that_it_reaches(weak):
+    rows = {name: value for name, value, _ in weak._rows()}
+    hit = kd.strike(weak.leg.posture(weak.q), weak.v, BALL, weak.impact_target.contact)
+    speed, torque = static_use(weak)
+    place = kd.fly(hit.ball_after, BALL, AIR).landing.position - hit.ball_before.position
+    shown = {"launch": hit.ball_after.velocity, "impulse on the ball": hit.impulse,
+             "posture": weak.q, "joint velocity": weak.v, "share of the speed limit": speed,
+             "share of the torque limit": torque,
+             "landing error": np.linalg.norm(place - weak.goal.target)}  # fmt: skip
+    for name, right in shown.items():
+        assert rows[name] == pytest.approx(right, rel=optimized(1e-7)), name
+
+
 @pytest.fixture(scope="module")
 def corner():
     return kd.plan_kick(LEG, kd.Goal((20, 3.4, 2.1), over=(9.15, 2.0)), BALL, AIR)
 
 
 def test_a_wall_is_cleared_by_what_the_goal_asked_for(corner):
+    (base,) = (line for line in PlanReport(corner).table() if line.startswith("base"))
+    turn = math.degrees(math.atan2(*corner.launch.velocity[1::-1]))
+    assert (numbers(base), base[-4:]) == ([pytest.approx(turn, abs=6e-3)], "left")
     assert numbers(describe_passage(Wall(9.15, 1.9), corner)) == [pytest.approx(0.1, abs=1e-3)]
     with pytest.raises(kd.InvalidInput, match=r"hits the wall.* 1\.\d+ m from its edge"):
         describe_passage(Wall(9.15, 2.5), corner)

@@ -57,17 +57,12 @@ def problem(*terms):
     return Problem(2, lambda x: x, terms)
 
 
-@pytest.mark.parametrize(
-    ("terms", "solution"),
-    [
-        ([], (3.0, -1.0)), ([Plane(1.0, Kind.EQUALITY)], (1.0, -1.0)),
-        ([Plane(1.0, Kind.INEQUALITY)], (3.0, -1.0)),
-        ([Plane(5.0, Kind.INEQUALITY)], (5.0, -1.0)),
-        ([Plane(5.0, Kind.INEQUALITY, scale=10.0, margin=0.01)], (5.1, -1.0)),
-        ([Box((-1.0, 0.0), (2.0, np.inf))], (2.0, 0.0)),
-        ([Box((-9.0, 0.0), (9.0, 9.0)), Box((-np.inf, -9.0), (1.0, 9.0))], (1.0, 0.0)),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("terms", "solution"), [
+    ([], (3.0, -1.0)), ([Plane(1.0, Kind.EQUALITY)], (1.0, -1.0)),
+    ([Plane(1.0, Kind.INEQUALITY)], (3.0, -1.0)), ([Plane(5.0, Kind.INEQUALITY)], (5.0, -1.0)),
+    ([Plane(5.0, Kind.INEQUALITY, scale=10.0, margin=0.01)], (5.1, -1.0)),
+    ([Box((-1.0, 0.0), (2.0, np.inf))], (2.0, 0.0)),
+    ([Box((-9.0, 0.0), (9.0, 9.0)), Box((-np.inf, -9.0), (1.0, 9.0))], (1.0, 0.0))])  # fmt: skip
 def test_terms_alone_define_a_problem(terms, solution):
     result = problem(Distance(3.0, -1.0), *terms).solve(np.array([20.0, 20.0]), slsqp)
     assert result == pytest.approx(solution, abs=TOLERANCE)
@@ -89,16 +84,11 @@ def test_a_bound_that_is_reached_stays_so_when_a_solution_is_polished():
     assert polished == pytest.approx((0.2, -np.sqrt(0.96)), abs=closed_form())
 
 
-@pytest.mark.parametrize(
-    ("kind", "answer", "accepted"),
-    [
-        (Kind.EQUALITY, [1.0 + 0.9 * TOLERANCE, 7.0], True),
-        (Kind.EQUALITY, [1.0 - 2.0 * TOLERANCE, 7.0], False),
-        (Kind.EQUALITY, [np.nan, 0.0], False), (Kind.INEQUALITY, [9.0, 0.0], True),
-        (Kind.INEQUALITY, [1.0 - 0.9 * TOLERANCE, 7.0], True),
-        (Kind.INEQUALITY, [1.0 - 2.0 * TOLERANCE, 7.0], False),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("kind", "answer", "accepted"), [
+    (Kind.EQUALITY, [1.0 + 0.9 * TOLERANCE, 7.0], True),
+    (Kind.EQUALITY, [1.0 - 2.0 * TOLERANCE, 7.0], False), (Kind.EQUALITY, [np.nan, 0.0], False),
+    (Kind.INEQUALITY, [9.0, 0.0], True), (Kind.INEQUALITY, [1.0 - 0.9 * TOLERANCE, 7.0], True),
+    (Kind.INEQUALITY, [1.0 - 2.0 * TOLERANCE, 7.0], False)])  # fmt: skip
 def test_what_a_solver_returns_is_judged_by_the_terms(kind, answer, accepted):
     judged = problem(Distance(0.0, 0.0), Plane(1.0, kind))
     solution = judged.solve(np.zeros(2), lambda _, __: np.array(answer))

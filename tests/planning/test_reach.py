@@ -108,16 +108,23 @@ def test_an_interrupted_table_is_continued(tmp_path, monkeypatch):
             kd.reach(HUMAN, BALL, AIR, **options)
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"elevations": 90}, r"elevations are \[90\.0\]"),
-        ({"elevations": (-5, 10)}, r"elevations is -5\.0"),
-        ({"azimuths": 200}, r"azimuths are \[200\.0\].*180"),
-        ({"tolerance": 0}, "tolerance is 0"), ({"file": "r.txt"}, r"'r\.txt'.*\.csv"),
-        ({"file": "x" * 5000 + ".csv"}, "cannot be written"),
-    ],
-)  # fmt: skip
+def test_the_plot_has_the_rows_by_elevation():
+    rows = [(side, up, 20 - 0.1 * up - side, None, "", 30 - up - side, 25 + up + side)
+            for side in (0.0, 15.0) for up in (20.0, 0.0, 45.0)]  # fmt: skip
+    figure = kd.ReachTable("leg", True, tuple(kd.ReachRow(*row) for row in rows)).plot()
+    drawn = [line for axes in figure.axes for line in axes.lines]
+    columns = [(0, 2), (15, 2), (0, 5), (0, 6), (15, 5), (15, 6)]
+    for line, (side, column) in zip(drawn, columns, strict=True):
+        right = sorted((row[1], row[column]) for row in rows if row[0] == side)
+        assert np.transpose(line.get_data()).tolist() == [*map(list, right)]
+
+
+@pytest.mark.parametrize(("options", "words"), [
+    ({"elevations": 90}, r"elevations are \[90\.0\]"),
+    ({"elevations": (-5, 10)}, r"elevations is -5\.0"),
+    ({"azimuths": 200}, r"azimuths are \[200\.0\].*180"), ({"tolerance": 0}, "tolerance is 0"),
+    ({"file": "r.txt"}, r"'r\.txt'.*\.csv"), ({"file": "x" * 5000 + ".csv"}, "cannot be written"),
+])  # fmt: skip
 def test_bad_input(options, words, monkeypatch):
     monkeypatch.setattr(module, "plan_kick", None)
     with pytest.raises(kd.InvalidInput, match=words):

@@ -13,14 +13,11 @@ from kickdyn.impact.leg_response import foot_wrench
 from kickdyn.robot.articulated_body import ArticulatedBodies
 
 KINDS = {
-    "floating": pin.JointModelFreeFlyer,
-    "ball": pin.JointModelSpherical,
-    "planar": pin.JointModelPlanar,
-    "slide": pin.JointModelPY,
+    "floating": pin.JointModelFreeFlyer, "ball": pin.JointModelSpherical,
+    "planar": pin.JointModelPlanar, "slide": pin.JointModelPY,
     "skew": lambda: pin.JointModelRevoluteUnaligned(np.array([0.6, 0.0, 0.8])),
     "screw": lambda: pin.JointModelHelicalUnaligned(np.array([0.6, 0.0, 0.8]), 0.3),
-    "angles": pin.JointModelSphericalZYX,
-}
+    "angles": pin.JointModelSphericalZYX}  # fmt: skip
 PARENTS = (0, 1, 2, 1, 4, 4)
 """Numbers of the joints that carry joints 1 to 6: a tree, branch by branch."""
 

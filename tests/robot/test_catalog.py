@@ -124,18 +124,15 @@ def test_joints_outside_the_legs_are_locked_at_values(base):
         agrees(centres[0], centres[1], closed_form())
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"name": "asimo"}, "'asimo' .*choose g1, talos, icub, .*bolt"),
-        ({"name": "talso"}, "'talso' .*did you mean 'talos'"),
-        ({"base": "wheels"}, "'wheels': .*fixed or floating"),
-        ({"frame": "base_link"}, "'base_link' is fixed to the base"),
-        ({"locked": {"waist": 0.25}}, "'waist' is unknown"),
-        ({"name": "g1_mj_description", "legs_only": True}, "legs_only .*locked="),
-        ({"name": "romeo"}, "'LFinger21' .*LFinger22.*RThumb3.*legs_only"),  # without mass
-    ],
-)
+@pytest.mark.parametrize(("change", "said"), [
+    ({"name": "asimo"}, "'asimo' .*choose g1, talos, icub, .*bolt"),
+    ({"name": "talso"}, "'talso' .*did you mean 'talos'"),
+    ({"base": "wheels"}, "'wheels': .*fixed or floating"),
+    ({"frame": "base_link"}, "'base_link' is fixed to the base"),
+    ({"locked": {"waist": 0.25}}, "'waist' is unknown"),
+    ({"name": "g1_mj_description", "legs_only": True}, "legs_only .*locked="),
+    ({"name": "romeo"}, "'LFinger21' .*LFinger22.*RThumb3.*legs_only"),  # without mass
+])  # fmt: skip
 def test_bad_arguments_are_refused(change, said):
     with pytest.raises(kd.InvalidInput, match=said):
         kd.Leg.from_robot(**{"name": "bolt", **change})

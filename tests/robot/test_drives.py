@@ -66,26 +66,22 @@ def test_a_file_gives_drives_before_joints_are_locked(tmp_path):
     assert (leg.drives["knee"].friction, leg.drives["knee"].stiffness) == (3, 4)
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", r"no \[joints\]"),
-        ("[joints.knee]\nrotor_inertia_kg_m2 = -1", "knee: rotor inertia is -1.0"),
-        ("[joints.knee]\nrotor_inertia_kg_m2 = 1e-3\ngear = 101", "knee: .* 10.201 kg m2"),
-        ("[joints.knee]\nrotor_inertia_kg_m2 = 1\ngear = 0", "knee: gear is 0"),
-        *(
-            (f"[joints.knee]\nrotor_inertia_kg_m2 = 1\n{key} = -1", f"knee: {word} is -1.0")
-            for key, word in (
-                ("torque_limit_n_m", "torque limit"),
-                ("speed_limit_rad_s", "speed limit"),
-                ("stiffness_n_m_rad", "stiffness"),
-                ("friction_n_m", "friction"),
-            )
-        ),
-        ("[joints.nee]\nrotor_inertia_kg_m2 = 0", "'nee' .*'knee'"),
-    ],
-    ids=lambda text: text[:60],
-)
+@pytest.mark.parametrize(("text", "said"), [
+    ("", r"no \[joints\]"),
+    ("[joints.knee]\nrotor_inertia_kg_m2 = -1", "knee: rotor inertia is -1.0"),
+    ("[joints.knee]\nrotor_inertia_kg_m2 = 1e-3\ngear = 101", "knee: .* 10.201 kg m2"),
+    ("[joints.knee]\nrotor_inertia_kg_m2 = 1\ngear = 0", "knee: gear is 0"),
+    *(
+        (f"[joints.knee]\nrotor_inertia_kg_m2 = 1\n{key} = -1", f"knee: {word} is -1.0")
+        for key, word in (
+            ("torque_limit_n_m", "torque limit"),
+            ("speed_limit_rad_s", "speed limit"),
+            ("stiffness_n_m_rad", "stiffness"),
+            ("friction_n_m", "friction"),
+        )
+    ),
+    ("[joints.nee]\nrotor_inertia_kg_m2 = 0", "'nee' .*'knee'"),
+], ids=lambda text: text[:60])  # fmt: skip
 def test_bad_files_are_refused_in_one_line(tmp_path, text, said):
     with pytest.raises(kd.InvalidInput, match=f"^[^\n]*{said}[^\n]*$"):
         kd.Leg.human().with_drives(write(tmp_path, text))
@@ -171,10 +167,8 @@ def test_a_drive_is_a_rotor_a_spring_and_friction(stiffness, friction):
     assert posture.drive_number(hit.contact_time) == pytest.approx(number, rel=closed_form(10))
 
 
-@pytest.mark.parametrize(
-    ("kind", "small", "medium", "large"),
-    [("stiffness", 1e-3, 2e5, 3e7), ("friction", 1e-3, 100.0, 800.0)],
-)
+@pytest.mark.parametrize(("kind", "small", "medium", "large"), [
+    ("stiffness", 1e-3, 2e5, 3e7), ("friction", 1e-3, 100.0, 800.0)])  # fmt: skip
 def test_free_and_stiff_are_the_limits_of_a_drive(kind, small, medium, large):
     """In the impulse of a contact of 1 ms, of a leg whose ankle is at rest before it."""
     leg, contact = weightless().with_armature({"ankle": 0.02}), kd.Contact((1, 0, 0.3), 0.8)

@@ -44,10 +44,9 @@ def test_the_lowest_point_of_each_shape(tmp_path, shape, turned):
         assert ("body" in find_depths(leg, np.zeros(1), -0.3 - lowest + depth)) == (depth > 2e-3)
 
 
-@pytest.mark.parametrize(
-    ("kind", "size", "lowest"),
-    [("capsule", "0.1 0.3", 0.4), ("ellipsoid", "0.1 0.2 0.3", 0.3), ("box", "0.1 0.2 0.3", 0.3)],
-)
+@pytest.mark.parametrize(("kind", "size", "lowest"), [
+    ("capsule", "0.1 0.3", 0.4), ("ellipsoid", "0.1 0.2 0.3", 0.3), ("box", "0.1 0.2 0.3", 0.3),
+])  # fmt: skip
 def test_the_lowest_point_of_shapes_of_an_mjcf(tmp_path, kind, size, lowest):
     (tmp_path / "arm.xml").write_text(
         f'<mujoco><worldbody><body name="body"><joint name="j" axis="0 1 0"/><geom type="{kind}" '

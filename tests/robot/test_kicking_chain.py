@@ -84,12 +84,10 @@ def test_continuous_joints_by_angles_are_the_same_robot():
 def test_joints_outside_the_chain_rest_at_the_nearest_value_in_their_range():
     model = kd.Leg.human().model
     for parent, kind, name in (
-        (0, pin.JointModelRY(), "elbow"),
-        (4, pin.JointModelRY(), "wrist"),
-        (5, pin.JointModelRUBY(), "spinner"),
-        (6, pin.JointModelSpherical(), "ball"),
+        (0, pin.JointModelRY(), "elbow"), (4, pin.JointModelRY(), "wrist"),
+        (5, pin.JointModelRUBY(), "spinner"), (6, pin.JointModelSpherical(), "ball"),
         (0, pin.JointModelRY(), "arm"),
-    ):
+    ):  # fmt: skip
         add_body(model, parent, kind, name)
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
     lower[3:5], upper[3:5] = (0.25, -2.0), (1.5, -0.5)

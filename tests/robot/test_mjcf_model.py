@@ -140,38 +140,29 @@ def moment(leg):
     return leg.posture(leg.configuration()).inertia[index, index]
 
 
-@pytest.mark.parametrize(
-    ("joint", "more", "span"),
-    [
-        ('range="-90 45"', "", (-np.pi / 2, np.pi / 4)),
-        ('range="-1 2"', '<compiler angle="radian"/>', (-1, 2)),
-        ('type="slide" range="-1 2"', "", (-1, 2)),  # metres, whatever the angles are in
-        ('range="-1 2" limited="false"', "", (-np.inf, np.inf)),
-        ("", "", (-np.inf, np.inf)),
-    ],
-)
+@pytest.mark.parametrize(("joint", "more", "span"), [
+    ('range="-90 45"', "", (-np.pi / 2, np.pi / 4)),
+    ('range="-1 2"', '<compiler angle="radian"/>', (-1, 2)),
+    ('type="slide" range="-1 2"', "", (-1, 2)),  # metres, whatever the angles are in
+    ('range="-1 2" limited="false"', "", (-np.inf, np.inf)), ("", "", (-np.inf, np.inf)),
+])  # fmt: skip
 def test_range_of_a_joint(tmp_path, joint, more, span):
     body = f'<body name="arm"><joint name="j" axis="0 1 0" {joint}/>{BALL}</body>'
     assert arm(tmp_path, body, more).joint_range("j") == pytest.approx(span)
 
 
-@pytest.mark.parametrize(
-    ("joint", "actuators", "limit"),
-    [
-        ("", "", np.inf),
-        ('actuatorfrcrange="-20 20"', "", 20),
-        ('actuatorfrcrange="-30 20"', "", 20),  # the smaller end
-        ("", '<motor joint="j" gear="50" ctrlrange="-2 2"/>', 100),
-        ("", '<motor joint="j" gear="-50" ctrlrange="-2 2" forcerange="-1 1"/>', 50),
-        ("", '<motor joint="j" gear="50"/>', np.inf),
-        ("", '<position joint="j" kp="100" forcerange="-7 7" ctrlrange="-1 1"/>', 7),
-        ("", '<position joint="j" kp="100" ctrlrange="-1 1"/>', np.inf),
-        ("", '<motor joint="j" forcerange="-4 9"/>', 4),
-        ("", '<general joint="j" gainprm="3" ctrlrange="-2 2"/>', 6),
-        ('actuatorfrcrange="-8 8"', 2 * '<motor joint="j" ctrlrange="-3 3"/>', 6),
-        ('actuatorfrcrange="-5 5"', 2 * '<motor joint="j" ctrlrange="-3 3"/>', 5),
-    ],
-)
+@pytest.mark.parametrize(("joint", "actuators", "limit"), [
+    ("", "", np.inf), ('actuatorfrcrange="-20 20"', "", 20),
+    ('actuatorfrcrange="-30 20"', "", 20),  # the smaller end
+    ("", '<motor joint="j" gear="50" ctrlrange="-2 2"/>', 100),
+    ("", '<motor joint="j" gear="-50" ctrlrange="-2 2" forcerange="-1 1"/>', 50),
+    ("", '<motor joint="j" gear="50"/>', np.inf),
+    ("", '<position joint="j" kp="100" forcerange="-7 7" ctrlrange="-1 1"/>', 7),
+    ("", '<position joint="j" kp="100" ctrlrange="-1 1"/>', np.inf),
+    ("", '<motor joint="j" forcerange="-4 9"/>', 4),
+    ("", '<general joint="j" gainprm="3" ctrlrange="-2 2"/>', 6),
+    ('actuatorfrcrange="-8 8"', 2 * '<motor joint="j" ctrlrange="-3 3"/>', 6),
+    ('actuatorfrcrange="-5 5"', 2 * '<motor joint="j" ctrlrange="-3 3"/>', 5)])  # fmt: skip
 def test_limit_of_torque(tmp_path, joint, actuators, limit):
     body = f'<body name="arm"><joint name="j" axis="0 1 0" {joint}/>{BALL}</body>'
     leg = arm(tmp_path, body, f"<actuator>{actuators}</actuator>")
@@ -222,16 +213,12 @@ def test_connected_bodies_are_a_loop(looped_mjcf):
     assert rates[1:] == pytest.approx([rates[0], -rates[0]])  # a parallelogram
 
 
-@pytest.mark.parametrize(
-    ("equality", "said"),
-    [
-        ('<connect name="bar" body1="a" anchor="0 0 -1"/>', r"'bar' \(connect\)"),
-        ('<joint joint1="ja"/>', r"\(joint\) .*lock"),
-        ('<joint joint1="ja" joint2="jb" polycoef="0 1 1 0 0"/>', r"\(joint\)"),
-        ('<weld body1="a" body2="c"/>', r"\(weld\)"),
-        ('<connect body1="a" body2="c" anchor="0 0 -1" active="false"/>', None),
-    ],
-)
+@pytest.mark.parametrize(("equality", "said"), [
+    ('<connect name="bar" body1="a" anchor="0 0 -1"/>', r"'bar' \(connect\)"),
+    ('<joint joint1="ja"/>', r"\(joint\) .*lock"),
+    ('<joint joint1="ja" joint2="jb" polycoef="0 1 1 0 0"/>', r"\(joint\)"),
+    ('<weld body1="a" body2="c"/>', r"\(weld\)"),
+    ('<connect body1="a" body2="c" anchor="0 0 -1" active="false"/>', None)])  # fmt: skip
 def test_other_constraints_are_refused_unless_they_are_idle(looped_mjcf, equality, said):
     start, _, end = looped_mjcf.read_text().partition("<equality>")
     looped_mjcf.write_text(f"{start}<equality>{equality}{end[end.index('</equality>') :]}")
@@ -268,15 +255,11 @@ def test_ends_of_a_connection_are_where_mujoco_has_them(tmp_path, by):
         assert frame.translation == pytest.approx(place, abs=closed_form(10)), name
 
 
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        ('<option gravity="0 0 -1.6"/>', r"gravity .*-1.6"),
-        ('<tendon><spatial armature="1"><site site="a"/><site site="b"/></spatial></tendon>',
-         "tendon has an armature"),
-        ('<compiler inertiafromgeom="maybe"/>', "'maybe'"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("more", "said"), [
+    ('<option gravity="0 0 -1.6"/>', r"gravity .*-1.6"),
+    ('<tendon><spatial armature="1"><site site="a"/><site site="b"/></spatial></tendon>',
+     "tendon has an armature"),
+    ('<compiler inertiafromgeom="maybe"/>', "'maybe'")])  # fmt: skip
 def test_settings_that_change_the_mechanics_are_refused(tmp_path, more, said):
     ends = '<site name="a" pos="1 0 1"/>' + ARM.format(BALL + '<site name="b" pos="0 0 -1"/>')
     with pytest.raises(kd.MjcfError, match=said):

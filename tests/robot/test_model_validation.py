@@ -36,17 +36,13 @@ def chain(*bodies, joints="XYZX", place=(0.0, 0.0, 0.0)):
     return model
 
 
-@pytest.mark.parametrize(
-    "bodies",
-    [
-        (body(moments=(0.1, 0.2, 0.3)), BODY),  # a disc
-        (body(moments=(0, 0.1, 0.1)), BODY),  # a rod
-        (body(moments=(0, 0, 0)), BODY),  # a point
-        (NOTHING, NOTHING, BODY),  # virtual links of a ball joint
-        (SLIGHT, body(at=(0, 0, 0))),  # moments that are wrong by 5e-11 of all that moves
-    ],
-    ids=["disc", "rod", "point", "virtual links", "slight"],
-)
+@pytest.mark.parametrize("bodies", [
+    (body(moments=(0.1, 0.2, 0.3)), BODY),  # a disc
+    (body(moments=(0, 0.1, 0.1)), BODY),  # a rod
+    (body(moments=(0, 0, 0)), BODY),  # a point
+    (NOTHING, NOTHING, BODY),  # virtual links of a ball joint
+    (SLIGHT, body(at=(0, 0, 0))),  # moments that are wrong by 5e-11 of all that moves
+], ids=["disc", "rod", "point", "virtual links", "slight"])  # fmt: skip
 def test_flat_thin_and_missing_bodies_are_sound_where_mass_moves(bodies):
     leg = kd.Leg.from_model(chain(*bodies), "toe")
     assert 0 < leg.posture(np.full(leg.nq, 0.1)).effective_mass([1, 0, 0]) < math.inf
@@ -61,8 +57,7 @@ UNSOUND = {
     "two triangles": ((BODY, body(moments=(0.1, 0.1, 0.5)), body(moments=(0.1, 0.1, 0.4))),
                       "'j1' .*0.1, 0.1, 0.5 .*as do j2"),
     "on its axis": ((BODY, ON_AXIS), "j1; .*locked={'j1': 0}"),
-    "axes through a point": ((BODY, NOTHING, NOTHING, ON_AXIS), "at fault: j1, j3; "),
-}  # fmt: skip
+    "axes through a point": ((BODY, NOTHING, NOTHING, ON_AXIS), "at fault: j1, j3; ")}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", UNSOUND)
@@ -82,29 +77,24 @@ def changed(**attributes):
     return model
 
 
-@pytest.mark.parametrize(
-    ("model", "said"),
-    [
-        (chain(), "no moving joint"),
-        (chain(*2 * [body(mass=1e10)], place=(0, 0, -1e98)), "exceed the range"),
-        (changed(armature=np.array([0.0, -1e-9])), "armature .*0 or more"),
-        (changed(velocityLimit=np.array([1.0, -1.0])), r"velocity limit .*-1\.0"),
-        (changed(upperPositionLimit=np.array([math.nan, 1.0])), "joint range .*number"),
-        (changed(lowerPositionLimit=np.array([5.0, 5.0]), upperPositionLimit=np.array([5.0, 4.0])),
-         "lower must not exceed upper"),
-        *((changed(gravity=pin.Motion(np.array([0, 0, g]), np.zeros(3))), r"\(0, 0, -9.81\)")
-          for g in (-1.62, 9.81, math.nan, math.inf)),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("model", "said"), [
+    (chain(), "no moving joint"),
+    (chain(*2 * [body(mass=1e10)], place=(0, 0, -1e98)), "exceed the range"),
+    (changed(armature=np.array([0.0, -1e-9])), "armature .*0 or more"),
+    (changed(velocityLimit=np.array([1.0, -1.0])), r"velocity limit .*-1\.0"),
+    (changed(upperPositionLimit=np.array([math.nan, 1.0])), "joint range .*number"),
+    (changed(lowerPositionLimit=np.array([5.0, 5.0]), upperPositionLimit=np.array([5.0, 4.0])),
+     "lower must not exceed upper"),
+    *((changed(gravity=pin.Motion(np.array([0, 0, g]), np.zeros(3))), r"\(0, 0, -9.81\)")
+      for g in (-1.62, 9.81, math.nan, math.inf))])  # fmt: skip
 def test_unsound_models_are_refused(model, said):
     with pytest.raises(kd.InvalidInput, match=said):
         check_model(model)
 
 
-@pytest.mark.parametrize(
-    ("parents", "late"),
-    [((0, 1, 2, 1, 4, 0), None), ((0, 0, 0), None), ((0, 0, 1), "j2"), ((0, 1, 1, 2), "j3")],
-)
+@pytest.mark.parametrize(("parents", "late"), [
+    ((0, 1, 2, 1, 4, 0), None), ((0, 0, 0), None), ((0, 0, 1), "j2"), ((0, 1, 1, 2), "j3"),
+])  # fmt: skip
 def test_branches_in_pieces_are_refused(parents, late):
     """Pinocchio's crba answers these, wrongly."""
     model = pin.Model()

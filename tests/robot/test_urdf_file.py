@@ -18,15 +18,13 @@ LAUGHS = "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
 LAUGHS = f'<!DOCTYPE r [<!ENTITY a0 "ha">{LAUGHS}]><robot name="&a9;"/>'
 
 BAD_TEXT = {
-    "empty": (b"", "is empty"),
-    "not XML": (b"solid teapot", "not well-formed XML"),
+    "empty": (b"", "is empty"), "not XML": (b"solid teapot", "not well-formed XML"),
     "HTML": (b"<html><body>404</body></html>", "<html>, not <robot>"),
     "an MJCF": (b"<mujoco/>", "Leg.from_mjcf"),
     "entity": (b'<!DOCTYPE r [<!ENTITY m "7">]><robot name="&m;"/>', "DOCTYPE"),
     "billion laughs": (LAUGHS.encode(), "DOCTYPE"),
     "latin-1": ('<robot name="\u00e9t\u00e9"/>'.encode("latin-1"), r"not UTF-8 text \(byte 13\)"),
-    "200 000 tags deep": (b"<a>" * 200_000 + b"</a>" * 200_000, "deeper than 64"),
-}
+    "200 000 tags deep": (b"<a>" * 200_000 + b"</a>" * 200_000, "deeper than 64")}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD_TEXT)
@@ -38,17 +36,11 @@ def test_bad_text_is_refused(load, name):
     assert len(fault) < 200
 
 
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda path: None, "no such file"),
-        (Path.mkdir, "not a regular file"),
-        (os.mkfifo, "not a regular file"),
-        (lambda path: path.symlink_to(path), "symbolic links"),
-        (lambda path: (path.touch(), os.truncate(path, MAX_BYTES + 1)), "5000001 bytes"),
-    ],
-    ids=["missing", "directory", "FIFO", "link to itself", "5 MB"],
-)
+@pytest.mark.parametrize(("make", "said"), [
+    (lambda path: None, "no such file"), (Path.mkdir, "not a regular file"),
+    (os.mkfifo, "not a regular file"), (lambda path: path.symlink_to(path), "symbolic links"),
+    (lambda path: (path.touch(), os.truncate(path, MAX_BYTES + 1)), "5000001 bytes"),
+], ids=["missing", "directory", "FIFO", "link to itself", "5 MB"])  # fmt: skip
 def test_what_is_no_file_is_refused_at_once(tmp_path, make, said):
     path = tmp_path / "leg.urdf"
     make(path)
@@ -58,16 +50,13 @@ def test_what_is_no_file_is_refused_at_once(tmp_path, make, said):
 
 
 # What only Pinocchio finds, which says so on file descriptor 2 alone.
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("<child link", '<dynamics damping="x"/><child link', r"cannot read it; .*\(x\)"),
-        ("<child link", '<safety_controller k_velocity="x"/><child link', "k_velocity"),
-        ("<robot", '<robot version="x"', "version attribute"),
-        ('value="7"', 'value=" 7 "', r"complains; .*\[ 7 \]"),  # it would be dropped
-        ("<visual>", '<visual><material name="m"><color rgba="a b c d"/></material>', r"\[m\]"),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "said"), [
+    ("<child link", '<dynamics damping="x"/><child link', r"cannot read it; .*\(x\)"),
+    ("<child link", '<safety_controller k_velocity="x"/><child link', "k_velocity"),
+    ("<robot", '<robot version="x"', "version attribute"),
+    ('value="7"', 'value=" 7 "', r"complains; .*\[ 7 \]"),  # it would be dropped
+    ("<visual>", '<visual><material name="m"><color rgba="a b c d"/></material>', r"\[m\]"),
+])  # fmt: skip
 def test_pinocchio_tells_why_it_refuses(spoil, load, capfd, old, new, said):
     with pytest.raises(kd.UrdfError, match=f"Pinocchio .*{said}"):
         load(spoil((old, new)))
@@ -99,17 +88,13 @@ def moments(*values, xy=0, said="'hip' moves .*triangle"):
 
 
 REFUSED = [
-    ('<robot name="leg">', "<model>", "<model>"),
-    ('name="leg"', "", "robot has no name"),
+    ('<robot name="leg">', "<model>", "<model>"), ('name="leg"', "", "robot has no name"),
     # mass and inertia
     (THIGH_MASS, '<mass value="0"/>', r"'hip' moves .*\(mass 0"),
     (THIGH_MASS, '<mass value="-7"/>', "'hip' moves .*mass -7 kg"),
     *mass("heavy", "1,5", "nan", "inf", "1e400", "0x10", "1_000", "\u0667", "", "9" * 9999),
-    moments(1, "nan", 1, said="iyy is not"),
-    ('ixx="0.08"', "", "missing ixx"),
-    moments(1, 1, -1),
-    moments(1, 1, 1, xy=2),
-    moments(1e300, 1e300, 1e300, said=r"'hip' moves .* below 1e\+100"),
+    moments(1, "nan", 1, said="iyy is not"), ('ixx="0.08"', "", "missing ixx"), moments(1, 1, -1),
+    moments(1, 1, 1, xy=2), moments(1e300, 1e300, 1e300, said=r"'hip' moves .* below 1e\+100"),
     moments(1, 1, 2.02),  # the triangle inequality is broken by 1 %
     (THIGH_MASS, THIGH_MASS * 2, "'thigh' inertial has 2 of <mass>"),
     ('xyz="0 0 -0.2"', 'xyz="0 0 nan"', r"\[nan\]"),
@@ -121,8 +106,7 @@ REFUSED = [
     (END, '<link name="stray"/></robot>', r"2 roots \(base, stray\)"),
     ('<parent link="base"/>', '<parent link="toe"/>', "form a loop"),
     (PARENT, '<parent link="thihg"/>', "'knee' parent is 'thihg'"),
-    ('<child link="shank"/>', "", "'knee' has no child"),
-    (END, CLOSE, "'toe' has two parents"),
+    ('<child link="shank"/>', "", "'knee' has no child"), (END, CLOSE, "'toe' has two parents"),
     (END, '<link name="toe"/></robot>', "'toe' is used 2 times"),
     (KNEE, 'name="hip" type="revolute"', "'hip' is used 2 times"),
     # joints
@@ -143,8 +127,7 @@ REFUSED = [
     (KNEE, 'name="a&#10;&lt;x&gt;" type="revolute"', r"'a\\n<x>' is not a printable"),
     (KNEE, f'name="{"x" * 9999}" type="revolute"', "'x{40}' is not .*at most 200"),
     # shapes
-    (SPHERE, '<box size="1 2"/>', r"\[1 2\]"),
-]  # fmt: skip
+    (SPHERE, '<box size="1 2"/>', r"\[1 2\]")]  # fmt: skip
 
 
 @pytest.mark.parametrize(("old", "new", "said"), REFUSED, ids=lambda value: str(value)[:50])
@@ -193,17 +176,12 @@ LINK = '<link name="toe"><inertial><mass value="{}"/>{}</inertial></link>'
 TOE = '<link name="toe"/>'
 
 
-@pytest.mark.parametrize(
-    ("edit", "culprit"),
-    [
-        (("", ""), None),
-        ((TOE, LINK.format(0, inertia(0, 0, 1e-12))), None),  # no body
-        ((TOE, LINK.format(1, inertia(0, 0, 0))), None),  # a mass at a point
-        ((TOE, LINK.format(1e-14, inertia(1e-9, 1e-9, 3e-9))), "no body has (toe)"),
-        ((LIMIT, '<limit upper="2" effort="8" velocity="9"/>'), "limit (knee)"),
-        ((LIMIT, '<limit lower="-2" effort="8" velocity="9"/>'), "limit (knee)"),
-    ],
-)
+@pytest.mark.parametrize(("edit", "culprit"), [
+    (("", ""), None), ((TOE, LINK.format(0, inertia(0, 0, 1e-12))), None),  # no body
+    ((TOE, LINK.format(1, inertia(0, 0, 0))), None),  # a mass at a point
+    ((TOE, LINK.format(1e-14, inertia(1e-9, 1e-9, 3e-9))), "no body has (toe)"),
+    ((LIMIT, '<limit upper="2" effort="8" velocity="9"/>'), "limit (knee)"),
+    ((LIMIT, '<limit lower="-2" effort="8" velocity="9"/>'), "limit (knee)")])  # fmt: skip
 def test_an_irregular_file_is_read_as_it_is_with_a_line(spoil, load, edit, culprit):
     leg = load(spoil(edit))
     *lines, last = leg.warnings
@@ -232,12 +210,10 @@ def test_joints_may_be_locked_before_inertias_are_judged(spoil, tmp_path):
     toe = [-0.4 * np.sin(0.5), 0, 0.6 - 0.4 * np.cos(0.5)]
     assert leg.posture([0.0]).contact_point == pytest.approx(toe)
     for locked, said in (
-        ({}, "'knee' moves .*locked="),
-        ({"kne": 0}, "'kne' is unknown: .*'knee'"),
-        ({"knee": "x"}, "knee is 'x'"),
-        ({"knee": 0, "hip": 0}, "all joints"),
+        ({}, "'knee' moves .*locked="), ({"kne": 0}, "'kne' is unknown: .*'knee'"),
+        ({"knee": "x"}, "knee is 'x'"), ({"knee": 0, "hip": 0}, "all joints"),
         (["knee"], r"locked is \['knee'\]"),
-    ):
+    ):  # fmt: skip
         with pytest.raises(kd.InvalidInput, match=said):
             kd.Leg.from_urdf(path, locked=locked)
 

@@ -44,17 +44,12 @@ def test_constant_drag_is_that_of_the_launch_relative_to_the_air(wind, speed):
     assert drag(1.0, 0.0) == drag(1e6, 0.3)
 
 
-@pytest.mark.parametrize(
-    ("air", "names"),
-    [
-        (None, set()),
-        (kd.Air(density=0.0, wind=(1, 2, 0)), set()),
-        (kd.Air(drag=None, lift=None, wind=(1, 2, 0)), {"buoyancy"}),
-        (kd.Air(drag=None, wind=(1, 2, 0)), {"wind", "lift", "spin decay", "buoyancy"}),
-        (kd.Air(lift=None, torque=None, buoyancy=False), {"drag", "drag crisis"}),
-    ],
-    ids=["vacuum", "no density", "no force", "lift", "drag"],
-)
+@pytest.mark.parametrize(("air", "names"), [
+    (None, set()), (kd.Air(density=0.0, wind=(1, 2, 0)), set()),
+    (kd.Air(drag=None, lift=None, wind=(1, 2, 0)), {"buoyancy"}),
+    (kd.Air(drag=None, wind=(1, 2, 0)), {"wind", "lift", "spin decay", "buoyancy"}),
+    (kd.Air(lift=None, torque=None, buoyancy=False), {"drag", "drag crisis"}),
+], ids=["vacuum", "no density", "no force", "lift", "drag"])  # fmt: skip
 def test_wind_and_spin_decay_act_through_drag_and_lift_only(air, names):
     of_air = {effect.name for effect in EFFECTS if effect.in_flight}
     assert {effect.name for effect in effects_of(scene(air=air))} & of_air == names

@@ -27,26 +27,18 @@ def test_ahead_is_horizontal_from_the_ball_to_the_plane():
     np.testing.assert_allclose(made.ahead, way / np.linalg.norm(way))
 
 
-@pytest.mark.parametrize(
-    ("changes", "word"),
-    [
-        ({"posture": "human"}, "kickdyn.Posture"),
-        ({"ball": None}, "kickdyn.Ball"),
-        ({"air": "paper"}, "kickdyn.Air"),
-        ({"v": [1, 2]}, "v has shape"),
-        ({"law": "none"}, "law is 'none'"),
-        ({"incoming": [1, 2, 3]}, "kickdyn.BallState"),
-        ({"incoming": kd.BallState(velocity=np.ones((2, 3)))}, r"incoming .*\(2, 3\)"),
-        ({"law": kd.Compliance(), "contact": kd.Contact((1, 0, 0), 0.0)}, r"is 0.*0\.01"),
-        ({"law": kd.Compliance(stiffness="pressure")}, "pressure is None"),
-        ({"ball": kd.Ball(mass=np.inf)}, "mass"),
-        ({"uncertainty": np.nan}, "uncertainty is nan"),
-        ({"uncertainty": {"q": np.nan}}, "uncertainty of q is nan"),
-        ({"uncertainty": {"friction": None}}, "uncertainty of friction is None"),
-        ({"uncertainty": {1: 2}}, "uncertainty of 1 is unknown: choose q, v"),
-    ],
-    ids=lambda value: str(value)[:30],
-)  # fmt: skip
+@pytest.mark.parametrize(("changes", "word"), [
+    ({"posture": "human"}, "kickdyn.Posture"), ({"ball": None}, "kickdyn.Ball"),
+    ({"air": "paper"}, "kickdyn.Air"), ({"v": [1, 2]}, "v has shape"),
+    ({"law": "none"}, "law is 'none'"), ({"incoming": [1, 2, 3]}, "kickdyn.BallState"),
+    ({"incoming": kd.BallState(velocity=np.ones((2, 3)))}, r"incoming .*\(2, 3\)"),
+    ({"law": kd.Compliance(), "contact": kd.Contact((1, 0, 0), 0.0)}, r"is 0.*0\.01"),
+    ({"law": kd.Compliance(stiffness="pressure")}, "pressure is None"),
+    ({"ball": kd.Ball(mass=np.inf)}, "mass"), ({"uncertainty": np.nan}, "uncertainty is nan"),
+    ({"uncertainty": {"q": np.nan}}, "uncertainty of q is nan"),
+    ({"uncertainty": {"friction": None}}, "uncertainty of friction is None"),
+    ({"uncertainty": {1: 2}}, "uncertainty of 1 is unknown: choose q, v"),
+], ids=lambda value: str(value)[:30])  # fmt: skip
 def test_bad_parts_are_refused(changes, word):
     with pytest.raises(kd.InvalidInput, match=word):
         scene(**changes)

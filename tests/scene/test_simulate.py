@@ -31,12 +31,10 @@ def gap(one, other):
     return float(np.linalg.norm(one.end.position - other.end.position))
 
 
-@pytest.mark.parametrize(
-    ("make", "seed", "count"),
-    [(random_scene, 4, 6), (wide_scene, 21, 4),
-     pytest.param(random_scene, 14, 40, marks=pytest.mark.slow),
-     pytest.param(wide_scene, 22, 40, marks=pytest.mark.slow)],
-)  # fmt: skip
+@pytest.mark.parametrize(("make", "seed", "count"), [
+    (random_scene, 4, 6), (wide_scene, 21, 4),
+    pytest.param(random_scene, 14, 40, marks=pytest.mark.slow),
+    pytest.param(wide_scene, 22, 40, marks=pytest.mark.slow)])  # fmt: skip
 def test_random_scenes_stay_within_their_tolerance(make, seed, count):
     rng, done = np.random.default_rng(seed), 0
     while done < count:
@@ -192,10 +190,8 @@ def test_the_smallest_effects_are_negligible_up_to_half_the_tolerance():
     assert kd.simulate(kick(1.5), None).negligible == ()
 
 
-@pytest.mark.parametrize(
-    ("name", "changes"),
-    [("drag", {"drag": None}), ("lift", {"lift": None}), ("wind", {"wind": (0, 0, 0)})],
-)
+@pytest.mark.parametrize(("name", "changes"), [
+    ("drag", {"drag": None}), ("lift", {"lift": None}), ("wind", {"wind": (0, 0, 0)})])  # fmt: skip
 def test_the_size_of_an_effect_of_the_air_is_the_distance_to_the_end_without_it(name, changes):
     scene = kd.load_scene("free_kick")
     full = kd.simulate(scene, None)
@@ -241,6 +237,7 @@ def test_heights_are_from_the_ground_to_the_edges_of_the_ball(below):
     t = wall.distance / (answer.launch.velocity @ answer.scene.ahead)
     rise = float(answer.launch.velocity[2]) * t - 9.81 / 2 * t**2
     assert answer.passage.above == pytest.approx(below + rise - wall.height, abs=closed_form(100))
+    assert ("The flight goes on" in answer.pitch_text) is not answer.passage.is_clear
     aside, z = np.cross(normal, answer.end.position - goal.point)[2], answer.end.position[2]
     right = np.array([2.44 - (z - level), 3.66 - abs(aside)]) - scene.ball.radius
     agrees([answer.score.bar, answer.score.post], right, closed_form(1e3))

@@ -11,8 +11,7 @@ from kickdyn.scene.simulate_many import _Draws, _with_contact_time
 
 SPREAD = {
     "q": 0.01, "v": 0.1, "restitution": 0.02, "friction": 0.03, "normal": 0.02,
-    "ball_velocity": 0.1, "ball_spin": 2.0,
-}  # fmt: skip
+    "ball_velocity": 0.1, "ball_spin": 2.0}  # fmt: skip
 
 
 def drawn_scenes(scene, n, seed):
@@ -29,11 +28,9 @@ def drawn_scenes(scene, n, seed):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "law"),
-    [("free_kick", "newton"), ("free_kick", "stronge"), ("wet_grass_pass", "newton"),
-     pytest.param("robocup_carpet", "newton", marks=pytest.mark.slow)],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "law"), [
+    ("free_kick", "newton"), ("free_kick", "stronge"), ("wet_grass_pass", "newton"),
+    pytest.param("robocup_carpet", "newton", marks=pytest.mark.slow)])  # fmt: skip
 def test_each_draw_is_a_simulation(name, law):
     scene = kd.load_scene(name).replace(law=law, uncertainty=SPREAD)
     many = kd.simulate_many(scene, 3, tolerance=None, seed=3)

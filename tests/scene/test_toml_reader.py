@@ -143,15 +143,11 @@ def test_a_file_is_looked_for_from_the_folder_of_the_scene(read, tmp_path, slide
     agrees(scene.posture.contact_point, [reach, 0, 0.2], closed_form(10))
 
 
-@pytest.mark.parametrize(
-    ("contact", "options"),
-    [
-        ("restitution = 'inflated'\nstiffness = 'inflated'", {}),
-        ("restitution = 0.7\nstiffness = 'pressure'", {"stiffness": "pressure"}),
-        ("restitution = 0.7\ncontact_time_s = 0.008", {"contact_time": 0.008}),
-    ],
-    ids=["inflated", "pressure", "time"],
-)
+@pytest.mark.parametrize(("contact", "options"), [
+    ("restitution = 'inflated'\nstiffness = 'inflated'", {}),
+    ("restitution = 0.7\nstiffness = 'pressure'", {"stiffness": "pressure"}),
+    ("restitution = 0.7\ncontact_time_s = 0.008", {"contact_time": 0.008}),
+], ids=["inflated", "pressure", "time"])  # fmt: skip
 def test_a_contact_that_takes_time_is_collide(read, contact, options):
     more = "[ball]\npressure_pa = 80e3\nshell_share = 0.97\n"
     scene = read(("restitution = 0.8", contact), more=more)
@@ -196,17 +192,12 @@ restitution = 0.8
 """
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (f"nmae = 1\n{FAULTY}[ball]\nmass_kg = -1\n[grund]\n[plane]\nnormal = [0, 0, 0]\n",
-         ["nmae", "contact.restitution", "friction?", "ball.mass_kg", "ground?",
-          "plane.point_m is missing", "plane.normal"]),
-        (JOINTS, ["'neck'", "'hipp'", "'hi'"]),
-        ("", ["[leg]", "[posture]", "[contact]"]),
-    ],
-    ids=["tables", "joints", "empty"],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "words"), [
+    (f"nmae = 1\n{FAULTY}[ball]\nmass_kg = -1\n[grund]\n[plane]\nnormal = [0, 0, 0]\n",
+     ["nmae", "contact.restitution", "friction?", "ball.mass_kg", "ground?",
+      "plane.point_m is missing", "plane.normal"]),
+    (JOINTS, ["'neck'", "'hipp'", "'hi'"]), ("", ["[leg]", "[posture]", "[contact]"]),
+], ids=["tables", "joints", "empty"])  # fmt: skip
 def test_all_faults_come_at_once_a_line_each(faults, text, words):
     lines = faults(text=text)
     assert len(lines) == len(words), lines
@@ -217,31 +208,23 @@ def test_all_faults_come_at_once_a_line_each(faults, text, words):
 HUMAN, E = '"human"', "restitution = 0.8"
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "word"),
-    [
-        (HUMAN, '"human"\nrobot = "g1"', "model and robot"),
-        ('model = "human"', 'file = "no.urdf"', "no.urdf"),
-        (HUMAN, '"human"\nframe = "heel"', "heel"),
-        (HUMAN, '"humn"', "human?"),
-        (HUMAN, "\"human\"\nsupports = 'toe'", "leg.supports"),
-        (HUMAN, '"human"\nstiff_joints = ["toe"]', "joint 'toe'"),
-        (HUMAN, '"human"\nloops = ["toe"]', "loop is 'toe'"),
-        ("hip = 5", "hipp = 5", "'hipp'"),
-        ("[2, 0, 1]", "[0, 1, 0]", "out of reach"),
-        ("attack_deg = 30", "normal = [0, 0, 0]", "contact.normal"),
-        ("attack_deg = 30", "normal = [1, 0, 0]\nside_deg = 3", "without attack_deg"),
-        (E, f"{E}\ncontact_time_s = 10", "0.1 [s]"),
-        (E, f"{E}\ncontact_time_s = 0.01\nlaw = 'paper'", "law is 'paper'"),
-        (E, f"{E}\nstiffness = 'pressure'\ncontact_time_s = 0.01", "only one"),
-        (E, f"{E}\nstiffness = 'pressure'", "pressure is None"),
-        (E, f"{E}\nstiffness = 'inflated'", "restitution"),
-        (E, f"{E}\n[ground]\nheight_m = 5", "ground.height_m is 5"),
-        ("[leg]", 'name = "\\u001b[31mred"\n[leg]', "printable"),
-        ("[leg]", "[leg", "TOML"),
-    ],
-    ids=lambda text: repr(text[-40:]),
-)  # fmt: skip
+@pytest.mark.parametrize(("old", "new", "word"), [
+    (HUMAN, '"human"\nrobot = "g1"', "model and robot"),
+    ('model = "human"', 'file = "no.urdf"', "no.urdf"), (HUMAN, '"human"\nframe = "heel"', "heel"),
+    (HUMAN, '"humn"', "human?"), (HUMAN, "\"human\"\nsupports = 'toe'", "leg.supports"),
+    (HUMAN, '"human"\nstiff_joints = ["toe"]', "joint 'toe'"),
+    (HUMAN, '"human"\nloops = ["toe"]', "loop is 'toe'"), ("hip = 5", "hipp = 5", "'hipp'"),
+    ("[2, 0, 1]", "[0, 1, 0]", "out of reach"),
+    ("attack_deg = 30", "normal = [0, 0, 0]", "contact.normal"),
+    ("attack_deg = 30", "normal = [1, 0, 0]\nside_deg = 3", "without attack_deg"),
+    (E, f"{E}\ncontact_time_s = 10", "0.1 [s]"),
+    (E, f"{E}\ncontact_time_s = 0.01\nlaw = 'paper'", "law is 'paper'"),
+    (E, f"{E}\nstiffness = 'pressure'\ncontact_time_s = 0.01", "only one"),
+    (E, f"{E}\nstiffness = 'pressure'", "pressure is None"),
+    (E, f"{E}\nstiffness = 'inflated'", "restitution"),
+    (E, f"{E}\n[ground]\nheight_m = 5", "ground.height_m is 5"),
+    ("[leg]", 'name = "\\u001b[31mred"\n[leg]', "printable"), ("[leg]", "[leg", "TOML"),
+], ids=lambda text: repr(text[-40:]))  # fmt: skip
 def test_a_fault_is_one_line_that_names_it(faults, old, new, word):
     lines = faults((old, new))
     assert len(lines) == 1, lines

@@ -12,12 +12,10 @@ from kickdyn.simulators.mujoco_kick import MujocoContact, MujocoKick, ball_spin
 mujoco = pytest.importorskip("mujoco")
 
 KINDS = {
-    "free": pin.JointModelFreeFlyer,
-    "ball": pin.JointModelSpherical,
+    "free": pin.JointModelFreeFlyer, "ball": pin.JointModelSpherical,
     "slide": lambda: pin.JointModelPrismaticUnaligned(np.array([0.6, 0.0, 0.8])),
     "hinge": lambda: pin.JointModelRevoluteUnaligned(np.array([0.0, 0.6, 0.8])),
-    "continuous": pin.JointModelRUBX,
-}
+    "continuous": pin.JointModelRUBX}  # fmt: skip
 
 
 def tree(*kinds):

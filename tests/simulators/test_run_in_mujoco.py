@@ -105,6 +105,37 @@ def test_each_kind_of_noise_reaches_the_simulation(plan, run):
             assert noisy == pytest.approx(factor * plain)
 
 
+@pytest.mark.parametrize("gravity", [9.81, 0.0])
+def test_the_field_has_the_dynamics_of_the_robot(plan, run, gravity):
+    """Inertia, and gravity and Coriolis forces, of a leg whose drives have rotors."""
+    model = HUMAN.with_armature({"hip": 0.2, "knee": 0.1, "ankle": 0.05}).model
+    model.gravity.linear = np.array([0.0, 0.0, -gravity])
+    leg = kd.Leg.from_model(model, "toe")
+    motion, still = replace(plan.motion, robot=leg), Disturbance(np.ones(3), 1, 1, 0, [0, 0])
+    field = MujocoField(motion, plan.impact, None, run.tuning, still)
+    field.place()
+    q, v = np.array([0.4, 0.7, -0.2]), np.array([3.0, -5.0, 2.0])
+    field.data.qpos[field.addresses], field.data.qvel[field.rates] = q, v
+    field.mujoco.mj_forward(field.model, field.data)
+    bias, momentum = pin.nonLinearEffects(model, model.createData(), q, v), np.zeros(9)
+    agrees(field.data.qfrc_bias[field.rates], bias, closed_form(1e4))
+    field.data.qvel[-6:] = 0.0
+    field.mujoco.mj_mulM(field.model, field.data, momentum, field.data.qvel)
+    agrees(momentum[field.rates], leg.posture(q).inertia @ v, closed_form(1e4))
+
+
+def test_a_kick_is_corrected_by_the_observer_that_is_named(plan, run, monkeypatch):
+    """The ball of `collide`, or of MuJoCo, in the middle of its contact."""
+    monkeypatch.setattr(refinement, "run_in_mujoco", lambda plan: run)
+    impact = plan.impact
+    hit = kd.collide(impact.posture, impact.v_before, impact.ball, impact.contact)
+    for by, ball, time in (("collide", hit.ball_after, hit.contact_time),
+                           ("mujoco", run.ball_after, run.contact_time)):  # fmt: skip
+        seen = refinement._observe(plan, refinement.Observer(by))
+        agrees(seen.velocity, ball.velocity, closed_form(10))
+        assert seen.time == pytest.approx(0.5 * time)
+
+
 def test_draws_have_their_standard_deviations():
     noise, count = kd.KickNoise(0.02, 0.1, 0.005, 0.004), 2000
     draws = [draw(noise, seed, 2) for seed in range(count)]
@@ -181,6 +212,7 @@ def test_a_robot_kicks_from_one_foot_and_may_be_turned():
     right = rotation @ plan.impact.ball_after.velocity
     agrees(turned.impact.ball_after.velocity, right, closed_form(1e4))
     agrees(turned.impact.ball_before.position, plan.impact.ball_before.position, closed_form(10))
+    assert turned.heading == pytest.approx(plan.heading + 0.05)
     again = kd.run_in_mujoco(turned, tuning=run.tuning)
     agrees(again.ball_after.velocity, rotation @ run.ball_after.velocity, closed_form(1e7))
     plan = swinging()

@@ -6,11 +6,6 @@ import pinocchio as pin
 import kickdyn as kd
 
 
-def by_pinocchio(*kick, **options):
-    """Strike by Pinocchio's solver."""
-    return kd.strike(*kick, engine="pinocchio", **options)
-
-
 def random_rotation(rng):
     q = rng.normal(size=4)
     return pin.Quaternion(q / np.linalg.norm(q)).matrix()

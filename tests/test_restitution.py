@@ -6,7 +6,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from chains import by_pinocchio
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from impact_methods import solve_kkt
@@ -14,6 +13,7 @@ from scipy.integrate import quad
 from tolerances import agrees, closed_form, differenced
 
 import kickdyn as kd
+from kickdyn.impact.pinocchio_engine import strike_by_pinocchio
 from kickdyn.restitution import (
     SHELL_RESTITUTION,
     approach_speed,
@@ -146,7 +146,7 @@ def test_impacts_use_the_value_at_their_speed_of_approach(speed, coming):
         assert any("5 to 20 m/s" in line for line in one.warnings) == outside
     smooth, flat = contact(TABLE, 0.0), contact(number.restitution, 0.0)
     peer = kd.strike(POSTURE, v, BALL, flat, **options).impulse
-    agrees(by_pinocchio(POSTURE, v, BALL, smooth, **options).impulse, peer, closed_form(10))
+    agrees(strike_by_pinocchio(POSTURE, v, BALL, smooth, **options).impulse, peer, closed_form(10))
     if not coming:
         agrees(solve_kkt(POSTURE, v, BALL, smooth), peer, closed_form(10))
 

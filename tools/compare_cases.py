@@ -226,7 +226,6 @@ hit("@").sensitivity() for @ in slips, sticks, smooth, table
 hit_by("@") for @ in human, testbed, human 3d, g1, talos, bolt, hopper, geared, four-bar, run-up, stiff, driven, foot
 hit_by("@", "stronge") for @ in four-bar, g1, human 3d, geared
 [hit_by("@", friction=0.05 * k) for k in range(1, 16)] for @ in human, human 3d
-hit_by("@", friction=0.0, engine="pinocchio") for @ in g1, hopper, run-up, human 3d
 hit_by("@").sensitivity() for @ in run-up, four-bar, bolt, geared, hopper, human 3d
 hit().sensitivity(of_leg=False); hit(ball_velocity=(60, 0, 30)); hit("sticks", ball=kd.Ball(5, 0.12, 0.4)); hit().plot(q=0.02, v=0.3)
 kd.strike(POSTURE, np.negative(V), BALL, ROUGH); kd.strike(POSTURE, V, kd.Ball(math.inf, 0.1), ROUGH); kd.strike(POSTURE, V, BALL, ROUGH)
@@ -309,7 +308,7 @@ kd.Ball(-0.4); kd.Ball(0.4, math.nan); kd.BallState((math.inf, 0, 0)); kd.Air(-1
 kd.Contact((1, 0, 0), 1.7); kd.Contact((1, 0, 0), 0.7, -1); kd.Contact((1, 0, 0), [(5, 0.8), (4, 0.7)]); kd.Ground(0.1, "lava"); kd.Wall(-9, 2)
 kd.Goal(10); kd.Goal(10, time=1, apex=2); kd.Drive(-1.0); kd.Compliance(0.01, 1e5); kd.Leg.human(height=9.0); kd.Leg.from_robot("g2")
 kd.Leg.from_robot("g1", "left_tow"); HUMAN.locked({"knie": 0}); HUMAN.posture((0.1, 0.2)); POSTURE.joint_velocity((1, 50, 1)); hit(law="stronk")
-scene(law="soft"); hit("sticks", engine="pinocchio"); hit("inflated", ball=kd.Ball()); hit().uncertainty(spin=3); hit(law="stronge").sensitivity()
+scene(law="soft"); hit("inflated", ball=kd.Ball()); hit().uncertainty(spin=3); hit(law="stronge").sensitivity()
 kd.joint_loads(hit(), 0.0); kd.unilateral_strike(POSTURE, V, BALL, ROUGH); collide(stiffness=1e5, contact_time=0.01); kd.fly_many(LAUNCH, BALL)
 kd.strike_many(HUMAN, [POSTURE.q], [V, V], BALL, ROUGH); fly(tol=1.0); fly(ground=kd.Ground(2.0)); fly(plane=kd.Plane((-3, 1, 0), (-2, 1, 0)))
 sweep(axes={"hipp": [0.1]}); sweep(axes={"hip": [0.2, 0.1]}); sweep(resume=True); kd.open_sweep("no.zarr"); kd.load_scene("no.toml")

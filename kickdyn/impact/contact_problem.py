@@ -147,8 +147,6 @@ class ImpactLaw:
         solve_several: the same for several contacts; None for a law that is defined for one.
         differentiate: function such as `kickdyn.impact.sensitivity.sensitivity`, or None.
         has_kernel: whether the compiled kernels of sweeps compute this law.
-        eq_10_without_friction: whether the law is `frictionless` at a friction of 0, so that
-            `pin.impulseDynamics` computes it.
     """
 
     name: str
@@ -156,7 +154,6 @@ class ImpactLaw:
     solve_several: Callable[[ContactProblem], Solution] | None = None
     differentiate: Callable[..., Any] | None = None
     has_kernel: bool = False
-    eq_10_without_friction: bool = False
 
 
 def frictionless(problem: ContactProblem) -> Solution:

@@ -323,5 +323,4 @@ NEWTON = ImpactLaw(
     solve_several=solve_newton_at_several,
     differentiate=sensitivity,
     has_kernel=True,
-    eq_10_without_friction=True,
 )

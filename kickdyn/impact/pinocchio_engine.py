@@ -5,21 +5,28 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.ball import BallState
-from kickdyn.core.validation import Array
+from kickdyn.ball import Ball, BallState
+from kickdyn.contact import Contact
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.approach import Approach
-from kickdyn.impact.contact_problem import ImpactLaw, Solution
-from kickdyn.impact.laws import names_of_laws
-from kickdyn.impact.leg_response import NO_CONSTRAINTS, LegResponse, response_to_jump
-from kickdyn.robot.leg import Leg
+from kickdyn.impact.approach import AT_REST, Approach, find_approach
+from kickdyn.impact.contact_problem import Solution
+from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.leg_response import NO_CONSTRAINTS, response_to_jump
+from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.workspace import Workspace
 
 
-def solve_by_pinocchio(
-    approach: Approach, law: ImpactLaw
-) -> tuple[Solution, BallState, LegResponse]:
-    r"""Return impulse, ball and leg after the impact by `pin.impulseDynamics`.
+def strike_by_pinocchio(
+    posture: Posture,
+    v: ArrayLike,
+    ball: Ball,
+    contact: Contact,
+    *,
+    ball_velocity: ArrayLike = AT_REST,
+    ball_spin: ArrayLike = AT_REST,
+) -> Impact:
+    r"""Strike a ball without friction by `pin.impulseDynamics`: a peer of `strike`.
 
     The solver has a row A of constraints for leg and ball together, :math:`n^T (J_\mathrm{ball} -
     J_\mathrm{foot})`, and solves
@@ -27,16 +34,15 @@ def solve_by_pinocchio(
     .. math:: A v^+ = -e A v, \qquad M (v^+ - v) = A^T \lambda .
 
     Of supports and loops, the independent rows are added; with rows of lower rank its answer would
-    be wrong without a warning. Friction, a law that differs from Eq. (10) without it and an
-    obstacle raise `InvalidInput`.
+    be wrong without a warning. The joint impulses follow from the velocity jump. The arguments are
+    those of `strike`; friction and an obstacle raise `InvalidInput`.
     """
-    posture, before, ball = approach.posture, approach.ball_before, approach.ball
+    approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
+    posture, before = approach.posture, approach.ball_before
     contact, leg = approach.contact, posture.leg
-    if contact.friction != 0.0 or not law.eq_10_without_friction:
+    if contact.friction != 0.0:
         raise InvalidInput(
-            f"friction is {contact.friction:g} and law {law.name!r}: engine 'pinocchio' is for "
-            f"friction 0 and law {names_of_laws('eq_10_without_friction')}, which agree "
-            "without friction"
+            f"friction is {contact.friction:g}: Pinocchio's impulseDynamics has none, it must be 0"
         )
     ball.check_movable("Pinocchio's impulseDynamics")
     n, e = contact.normal, approach.restitution
@@ -64,7 +70,7 @@ def solve_by_pinocchio(
     response = response_to_jump(posture, approach.v, jump, p * n, reaction)
     velocity_after = turned[:3] + posture.transport_velocity
     ball_after = BallState.computed(before.position, velocity_after, turned[3:].copy())
-    return solution, ball_after, response
+    return Impact(approach, "newton", solution, response=response, _ball_after=ball_after)
 
 
 @lru_cache(maxsize=4)

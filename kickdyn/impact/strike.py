@@ -1,23 +1,12 @@
 """The strike: everything about the instant when the foot hits the ball."""
 
-from enum import StrEnum
-
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
-from kickdyn.core import validation
 from kickdyn.core.validation import ArrayLike
 from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import find_law, solve_contacts
-from kickdyn.impact.pinocchio_engine import solve_by_pinocchio
 from kickdyn.robot.leg import Posture
-
-
-class ImpactEngine(StrEnum):
-    """What solves the equations of an impact: formulas, or `pin.impulseDynamics`."""
-
-    CLOSED_FORM = "closed-form"
-    PINOCCHIO = "pinocchio"
 
 
 def strike(
@@ -27,11 +16,10 @@ def strike(
     contact: Contact,
     law: str = "newton",
     *,
-    engine: str = "closed-form",
     ball_velocity: ArrayLike = AT_REST,
     ball_spin: ArrayLike = AT_REST,
 ) -> Impact:
-    r"""Strike a ball, in closed form (Eqs. 1-11 and 15-21) or by Pinocchio's solver.
+    r"""Strike a ball, in closed form (Eqs. 1-11 and 15-21).
 
     The relative velocity of the contact points before the impact and the Delassus matrix of leg and
     ball make a `ContactProblem`; an impact law solves it for the impulse p on the ball. Then
@@ -46,17 +34,13 @@ def strike(
         contact: normal, restitution, friction and offset of the contact.
         law: `newton` (kinematic restitution, exact Coulomb cone), `stronge` (energetic restitution;
             the sliding is followed through the contact) or `paper` (the ICRA 2005 paper's law).
-        engine: `closed-form`, or `pinocchio`, which gives leg and ball as one model to
-            `pin.impulseDynamics`, without friction. This is an independent computation of the same
-            impact; the joint impulses follow from its velocity jump.
         ball_velocity: velocity of its centre just before, shape `(3,)` [m/s, world frame].
         ball_spin: angular velocity just before, shape `(3,)` [rad/s, world frame].
 
     Raises:
         NoImpact: foot and ball do not approach each other along the normal, or by no more than 4
             times the rounding of terms that cancel.
-        InvalidInput: a wrong shape, an entry that is not finite, an unknown law or engine, or
-            friction with the engine `pinocchio`.
+        InvalidInput: a wrong shape, an entry that is not finite, or an unknown law.
 
     Example:
         >>> import kickdyn as kd
@@ -69,9 +53,5 @@ def strike(
     """
     impact_law = find_law(law)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
-    if validation.choice("engine", engine, ImpactEngine) is ImpactEngine.CLOSED_FORM:
-        problem = approach.contact_problem()
-        solution = solve_contacts(problem, impact_law)
-        return Impact(approach, impact_law.name, solution)
-    solution, ball_after, response = solve_by_pinocchio(approach, impact_law)
-    return Impact(approach, impact_law.name, solution, response=response, _ball_after=ball_after)
+    solution = solve_contacts(approach.contact_problem(), impact_law)
+    return Impact(approach, impact_law.name, solution)

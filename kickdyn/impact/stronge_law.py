@@ -262,4 +262,4 @@ def _solve(m11: float, m12: float, m22: float, c1: float, c2: float) -> tuple[fl
     return (m22 * c1 - m12 * c2) / determinant, (m11 * c2 - m12 * c1) / determinant
 
 
-STRONGE = ImpactLaw("stronge", solve_stronge, eq_10_without_friction=True)
+STRONGE = ImpactLaw("stronge", solve_stronge)

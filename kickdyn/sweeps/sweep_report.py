@@ -13,6 +13,7 @@ from kickdyn.contact import Contact
 from kickdyn.core.console import PIPE_WIDTH, PROSE, empty_table, screen_width, wrapped
 from kickdyn.core.files import finite
 from kickdyn.core.validation import Array, length
+from kickdyn.impact.pinocchio_engine import strike_by_pinocchio
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import provenance, sweep_warnings, variables_of
@@ -282,7 +283,7 @@ def pinocchio_differences(lines: Sequence[ReportLine]) -> list[float]:
         if hit is not None and math.isfinite(hit.ball.mass):  # Pinocchio's solver takes no other
             contact = Contact(hit.contact.normal, hit.contact.restitution)
             closed = strike(hit.posture, hit.v_before, hit.ball, contact)
-            other = strike(hit.posture, hit.v_before, hit.ball, contact, engine="pinocchio")
+            other = strike_by_pinocchio(hit.posture, hit.v_before, hit.ball, contact)
             differences.append(
                 float(length(other.impulse - closed.impulse) / length(closed.impulse))
             )

@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from chains import by_pinocchio, in_units
+from chains import in_units
 from extremes import extreme_impacts
 from extremes.extreme_impacts import BENT, USUAL, chain
 from tolerances import closed_form
 
 import kickdyn as kd
+from kickdyn.impact.pinocchio_engine import strike_by_pinocchio
 
 LEG = kd.Leg.human()
 Q = np.radians([5.0, 10.0, -5.0])
@@ -19,7 +20,7 @@ KICK = {
     "ball": kd.Ball(),
     "contact": kd.Contact((1, 0, 0.3), 0.7),
 }
-FUNCTIONS = (kd.strike, by_pinocchio, kd.collide, kd.unilateral_strike)
+FUNCTIONS = (kd.strike, strike_by_pinocchio, kd.collide, kd.unilateral_strike)
 
 
 @pytest.mark.parametrize("function", FUNCTIONS, ids=lambda function: function.__name__)

@@ -3,12 +3,13 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import any_kick, by_pinocchio, constraint_speed, floating_leg, random_kick, random_leg
+from chains import any_kick, constraint_speed, floating_leg, random_kick, random_leg
 from stacked import held_rows, inertia_of, rows_of, solved
 from tolerances import agrees, closed_form, integrated
 
 import kickdyn as kd
 from kickdyn.impact.leg_response import NO_CONSTRAINTS, response_to_jump
+from kickdyn.impact.pinocchio_engine import strike_by_pinocchio
 from kickdyn.robot.catalog import ROBOTS
 from kickdyn.robot.urdf_file import shipped_urdf
 
@@ -95,7 +96,7 @@ def test_every_body_gains_what_acts_on_it(kind, seed, offset):
 @pytest.mark.parametrize("name", FREE | STANDING)
 def test_every_robot_balances_and_pinocchio_agrees(name):
     kick, options = any_kick(np.random.default_rng(3), (FREE | STANDING)[name])
-    impact, peer = kd.strike(*kick, **options), by_pinocchio(*kick, **options)
+    impact, peer = kd.strike(*kick, **options), strike_by_pinocchio(*kick, **options)
     check_bodies(impact)
     agrees(impact.impulse, peer.impulse, closed_form(100))
     agrees(impact.v_after, peer.v_after, closed_form(100))

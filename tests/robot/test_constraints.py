@@ -6,13 +6,14 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import by_pinocchio, random_inertia, random_rotation
+from chains import random_inertia, random_rotation
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stacked import held_rows, inertia_of, rows_of, solved
 from tolerances import agrees, closed_form, differenced, optimized
 
 import kickdyn as kd
+from kickdyn.impact.pinocchio_engine import strike_by_pinocchio
 from kickdyn.robot.urdf_file import shipped_urdf
 
 G1 = kd.Leg.from_robot("g1", base="floating")
@@ -192,7 +193,7 @@ def test_a_velocity_that_moves_a_support_is_refused_with_its_speed():
         largest = np.abs(posture.constraint_projector.rows[:, index]).max()
         violation = posture.constraint_projector.find_violation(v)
         assert violation == (name, pytest.approx(largest, rel=closed_form(1e4)), unit)
-        for strike in (kd.strike, by_pinocchio):
+        for strike in (kd.strike, strike_by_pinocchio):
             with pytest.raises(kd.InvalidInput, match=f"{name}, .* {unit} in .*admissible"):
                 strike(posture, v, kd.Ball(), kd.Contact((1, 0, 0), 0.8))
 

@@ -4,12 +4,13 @@ import pickle
 
 import numpy as np
 import pytest
-from chains import by_pinocchio, random_kick, random_leg
+from chains import random_kick, random_leg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import agrees, closed_form, differenced, optimized
 
 import kickdyn as kd
+from kickdyn.impact.pinocchio_engine import strike_by_pinocchio
 from kickdyn.robot.urdf_file import shipped_urdf
 
 HUMAN = kd.Leg.human()
@@ -67,7 +68,7 @@ def test_velocities_are_kept_and_momentum_and_energy_close(seed, law, is_rough):
         load = np.linalg.norm(loads[name].axis)
         assert abs(load - abs(impulse)) < optimized(1e-9) * np.linalg.norm(hit.impulse), name
     if not is_rough:
-        engine = by_pinocchio(*kick, **options)
+        engine = strike_by_pinocchio(*kick, **options)
         agrees(engine.impulse, hit.impulse, optimized(1e-8))
 
 

@@ -41,13 +41,13 @@ test: $(VENV)/.dev
 test-slow: $(VENV)/.dev browser
 	$(BIN)/python -m pytest -n auto -m slow $(PYTEST_OPTIONS)
 
-## test-lowest: the tests, except docs and notebooks, with the lowest version of each package that pyproject.toml allows, in .venv-lowest
+## test-lowest: the tests of `make test`, except docs, with the lowest version of each package that pyproject.toml allows, in .venv-lowest
 test-lowest:
 	@# pyparsing 3.3 deprecates what matplotlib 3.9 calls
-	@echo "This takes two minutes to install, and then as long as the suite, which compiles on the first run."
+	@echo "This takes two minutes to install, and then as long as \`make test\`."
 	$(PYTHON) -m venv .venv-lowest
 	.venv-lowest/bin/python -m pip --disable-pip-version-check install --quiet --constraint constraints-lowest.txt --editable ".[test]" "pyparsing<3.3"
-	.venv-lowest/bin/python -m pytest -n auto -W ignore::DeprecationWarning --ignore tests/test_notebooks.py --ignore tests/test_docs.py
+	.venv-lowest/bin/python -m pytest -n auto -m "not slow" -W ignore::DeprecationWarning --ignore tests/test_docs.py
 
 ## test-all: the whole suite with each Python of PYTHONS, and what users install
 test-all: package

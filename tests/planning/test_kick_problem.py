@@ -88,10 +88,3 @@ def test_the_condition_that_a_standing_robot_cannot_meet_is_named(cause, words, 
 
     monkeypatch.setattr(module.KickProblem, "solve", solve)
     assert words in explain_infeasible(problem)
-
-
-def test_starts_have_the_foot_velocity_of_the_strike_on_a_base_that_moves():
-    problem = kick_problem(HUMAN.with_base_velocity((1.5, 0.0, 0.4)), target_of(6, 0, 2))
-    strike = problem.find(StrikeVelocity)
-    errors = [np.abs(strike.value(problem.variables.point(x))).max() for *_, x in problem.rated()]
-    assert np.median(errors) < closed_form(10)

@@ -121,7 +121,13 @@ def test_the_field_has_the_dynamics_of_the_robot(plan, run, gravity):
     agrees(field.data.qfrc_bias[field.rates], bias, closed_form(1e4))
     field.data.qvel[-6:] = 0.0
     field.mujoco.mj_mulM(field.model, field.data, momentum, field.data.qvel)
-    agrees(momentum[field.rates], leg.posture(q).inertia @ v, closed_form(1e4))
+    inertia, comes = leg.posture(q).inertia, kd.BallState((1, 2, 3), (4, 5, 6))
+    agrees(momentum[field.rates], inertia @ v, closed_form(1e4))
+    field.set_gains(leg, q)
+    damping = 0.6 * np.sqrt(8.0 * HUMAN.effort_limit * inertia.diagonal())
+    agrees(field.damping, damping, closed_form(10))
+    field.impact = SimpleNamespace(ball_before=comes)
+    agrees(field.set_ball(-0.05), [0.8, 1.75, 2.7], closed_form())
 
 
 def test_a_kick_is_corrected_by_the_observer_that_is_named(plan, run, monkeypatch):

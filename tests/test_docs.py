@@ -56,7 +56,6 @@ def run_command(line):
     return result.output
 
 
-@pytest.mark.processor_limit(6)  # of all the snippets of a page
 @pytest.mark.parametrize("page", named({page.stem: page for page in SNIPPETS}))
 def test_snippets_run_and_print_the_numbers_shown(page, tmp_path):
     """Blocks of a page run one after the other, as a reader would run them.

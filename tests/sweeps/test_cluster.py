@@ -5,6 +5,7 @@ import signal
 import threading
 import time
 from concurrent.futures import Executor, Future
+from itertools import chain, repeat
 
 import numpy as np
 import pytest
@@ -26,10 +27,15 @@ def stored(path, postures=POSTURES, **options):
     return kd.sweep(LEG, postures, KICK, store=path, variables=["ball_speed", "impulse"], **options)
 
 
-def slowed(executor):
-    """Return an executor whose tasks last, so that its workers end before them."""
-    submit = executor.submit
-    executor.submit = lambda *task: submit(lambda: (time.sleep(0.2), task[0](*task[1:]))[1])
+def slowed(executor, first, others):
+    """Return an executor whose tasks last, the first and the others [s], so that workers end."""
+    submit, times = executor.submit, chain([first], repeat(others))
+
+    def slow(function, *arguments):
+        wait = next(times)
+        return submit(lambda: (time.sleep(wait), function(*arguments))[1])
+
+    executor.submit = slow
     return executor
 
 
@@ -75,7 +81,6 @@ def test_a_cluster_that_loses_workers_and_scheduler_fills_the_same_store(tmp_pat
         distributed.Client(cluster) as client,
     ):
         workers = list(client.run(os.getpid).values())
-        executor = slowed(client.get_executor())
 
         def kill_one():
             while not list(tmp_path.glob("killed.zarr/status/c/*/*")):
@@ -84,11 +89,11 @@ def test_a_cluster_that_loses_workers_and_scheduler_fills_the_same_store(tmp_pat
 
         killer = threading.Thread(target=kill_one, daemon=True)
         killer.start()
-        stored(tmp_path / "killed.zarr", executor=executor)
+        stored(tmp_path / "killed.zarr", executor=slowed(client.get_executor(), 0.2, 0.2))
         killer.join(5)
         assert files(tmp_path / "killed.zarr") == right
         with pytest.raises(Unfinished, match=r"of 72 .*resume=True"):
-            stored(tmp_path / "closed.zarr", executor=executor,
+            stored(tmp_path / "closed.zarr", executor=slowed(client.get_executor(), 0.0, 5.0),
                    progress=lambda count: cluster.close() if count else None)  # fmt: skip
     stored(tmp_path / "closed.zarr", resume=True)
     assert files(tmp_path / "closed.zarr") == right

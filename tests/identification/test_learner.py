@@ -164,3 +164,8 @@ def test_learning_is_done_where_scatter_explains_the_miss():
     unsure.observe([30.0, 0.0], 1.5)
     assert np.trace(unsure.landing_uncertainty) > LEARNT_SHARE * np.trace(unsure.landing_scatter)
     assert not unsure.is_done
+
+
+def test_a_restitution_near_0_or_1_is_a_warning():
+    warned = [e for e in (0.01, 0.03, 0.97, 0.99) if learner_for(restitution=e).warnings]
+    assert warned == [0.01, 0.99]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tolerances import sampled
+from tolerances import agrees, closed_form, sampled
 
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
@@ -127,7 +127,11 @@ def test_the_deviation_of_a_restitution_has_the_size_of_its_error():
 def test_a_bounce_is_near_the_ground_with_friction_of_1_at_most(height, braked, reason):
     """The height is that of the ball's centre above rest; the ball turns upwards by 10 m/s."""
     track = kd.Track(*bounce_of_a_parabola(6.0, 4.0, 100, height, braked))
-    assert kd.segments(track, BALL).parts[1].begins == reason
+    part = kd.segments(track, BALL).parts[1]
+    assert part.begins == reason
+    fall = GRAVITY * (part.start - 0.5)
+    agrees(part.velocity_before, [5.0, 0.0, -6.0 - fall], closed_form(1e4))
+    agrees(part.velocity_after, [5.0 - braked, 0.0, 4.0 - fall], closed_form(1e4))
 
 
 def bouncing(friction, seed, noise=0.002, noises=1):

@@ -116,9 +116,10 @@ def test_force_and_energy_at_a_deflection(u, share):
     assert force.energy(travel, rate) == pytest.approx(energy, rel=closed_form(1e4))
 
 
+@pytest.mark.parametrize("model", ["point", kd.FootPatch(0.08)], ids=["point", "patch"])
 @pytest.mark.parametrize(("speed", "warned"), [(20.0, False), (34.0, True)])
-def test_a_speed_beyond_the_model_is_warned_of(speed, warned):
-    collision = head_on(speed, tol=1e-6)
-    share = collision.deflection / BALL.radius
+def test_a_speed_beyond_the_model_is_warned_of(speed, warned, model):
+    collision = head_on(speed if model == "point" else 0.7 * speed, tol=1e-6, model=model)
+    share = collision.flattening / BALL.radius
     assert (share > 0.6) is warned
     assert any(f"{share:.3f} of its radius" in line for line in collision.warnings) is warned

@@ -32,6 +32,7 @@ def test_the_loop_adds_the_errors_to_the_command(goal):
         met = abs(errors[0]) <= 0.05 and abs(errors[1]) <= 0.005
         assert step.is_met == met == (number == len(rounds))
         command = command + errors
+    assert learn_launch(*goal, BALL, AIR, rounds=len(rounds) - 1)[-1].is_met  # corrections
 
 
 @by_goal

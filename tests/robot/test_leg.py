@@ -229,6 +229,13 @@ def test_a_frame_can_be_a_joint_and_a_body_goes_before_it(spoil, load):
     assert both.posture([0, 0]).contact_point == pytest.approx([0, 0, 0.2])
 
 
+def test_a_speed_limit_of_0_is_a_warning_where_the_joint_moves_the_foot():
+    model = (leg := kd.Leg.from_robot("g1", base="fixed", legs_only=True)).model
+    model.velocityLimit *= 0.0
+    lines = [line for line in kd.Leg.from_model(model, leg.frame).warnings if "is 0" in line]
+    assert [line.split()[3] for line in lines] == [n for n in leg.joint_names if "right" in n]
+
+
 @pytest.mark.parametrize("gravity", [-9.81, 0.0])
 def test_a_leg_has_a_model_of_its_own(gravity):
     model = arm(armature=0.1, gravity=gravity)

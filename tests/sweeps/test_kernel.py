@@ -71,6 +71,7 @@ def test_motion_in_space_is_kick_from(seed, friction):
     model.armature = np.linspace(0.01, 0.05, leg.nv)
     model.velocityLimit = np.linspace(4.0, 9.0, leg.nv)
     model.velocityLimit[1] = {0: np.inf, 1: 1e9, 3: 1e20}.get(seed, 5.0)
+    model.velocityLimit[2] = 6.0 if seed else np.inf  # one of the three joints has a limit
     leg = kd.Leg.from_model(model, "toe")
     axes = {name: rng.uniform(-2, 2, 2) for name in leg.joint_names[:4]}
     kick = Kick(speed=rng.uniform(0.5, 9), restitution=rng.uniform(0, 1), friction=friction)

@@ -14,6 +14,7 @@ from kickdyn.sweeps.summary import KEPT_POSTURES, Summary, joint_values_by_unit,
 from kickdyn.sweeps.sweep import sweep_chunks
 
 LEG, KICK = kd.Leg.human(), kd.Kick(speed=6.5, attack=0.0, friction=0.1, air=None)
+G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
 POSTURES = read_postures(LEG, ["hip=0:90:30", "knee=0:30:10", "ankle=0:50:25"])
 NAMES = ("worst_joint_impulse", "ball_speed", "speed_use")
 
@@ -67,6 +68,14 @@ def test_chunks_give_the_summary_of_the_whole_dataset(data, chunks, where):
             assert result.maps[names].best == pytest.approx(speed.max(other).values, nan_ok=True)
             for name, values in result.maps[names].values.items():
                 assert values == pytest.approx(data[f"{name}_deg"].values)
+
+
+def test_maps_are_over_pairs_of_the_three_longest_axes():
+    names = G1.joint_names[-4:]
+    for sizes, pairs in (((2, 5, 3, 4), {(1, 2), (1, 3), (2, 3)}), ((3, 1, 2, 1), {(0, 2)})):
+        axes = {name: np.linspace(0.1, 0.2, k) for name, k in zip(names, sizes, strict=True)}
+        maps = Summary(describe(G1, Grid.of(G1, axes), KICK, 0.0)).maps
+        assert {tuple(map(names.index, pair)) for pair in maps} == pairs
 
 
 def test_the_sample_is_random_repeatable_and_of_chosen_postures(data, chunks):

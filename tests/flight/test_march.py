@@ -7,8 +7,7 @@ import pytest
 from tolerances import closed_form, integrated
 
 import kickdyn as kd
-from kickdyn.flight import batch
-from kickdyn.flight.batch import fly_many
+from kickdyn.flight.batch import MARCH, fly_many
 from kickdyn.flight.compiling import LANES
 
 BALL, AIR = kd.Ball(), kd.Air()
@@ -16,7 +15,7 @@ BALL, AIR = kd.Ball(), kd.Air()
 
 @pytest.fixture(autouse=True)
 def machine_code(monkeypatch):
-    monkeypatch.setattr(batch.MARCH, "pays", lambda _: True)
+    monkeypatch.setattr(MARCH, "pays", lambda _: True)
 
 
 def slow_spin_only(reynolds, spin_parameter):

@@ -120,10 +120,9 @@ def test_the_deviation_of_a_restitution_has_the_size_of_its_error():
                                                 rel=sampled(120, 3.0))  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("height", "braked", "reason"),
-    [(0.2, 0.0, "bounce"), (0.3, 0.0, "touch"), (0.0, 9.0, "bounce"), (0.0, 11.0, "touch")],
-)
+@pytest.mark.parametrize(("height", "braked", "reason"), [
+    (0.2, 0.0, "bounce"), (0.3, 0.0, "touch"), (0.0, 9.0, "bounce"), (0.0, 11.0, "touch"),
+])  # fmt: skip
 def test_a_bounce_is_near_the_ground_with_friction_of_1_at_most(height, braked, reason):
     """The height is that of the ball's centre above rest; the ball turns upwards by 10 m/s."""
     track = kd.Track(*bounce_of_a_parabola(6.0, 4.0, 100, height, braked))

@@ -25,9 +25,8 @@ def values(impact):
     numbers = {name: np.asarray(getattr(impact, name)).tolist() for name in NUMBERS}
     for name in ("ball_before", "ball_after"):
         state = getattr(impact, name)
-        numbers[name] = [
-            np.asarray(x).tolist() for x in (state.position, state.velocity, state.spin)
-        ]
+        vectors = state.position, state.velocity, state.spin
+        numbers[name] = [np.asarray(x).tolist() for x in vectors]
     return numbers
 
 

@@ -68,6 +68,9 @@ def test_a_strike_keeps_the_rows_of_the_impact(restitution, friction, share):
         values = np.asarray(problem.impact.values(z, [])[0]).ravel()
         broken = np.abs(values - np.clip(values, problem.impact.lower, problem.impact.upper)).max()
         assert (broken < closed_form(1e3)) == is_kept, (more, values)
+    problem._resting, problem.task = [1], SimpleNamespace(resting=["knee"])
+    pushed = problem.pushed(np.tile(q, (problem.splines.size, 1)), share)
+    assert pushed == pytest.approx({"knee": share * whole[1]}, rel=closed_form(1e3))
 
 
 def test_forces_are_those_of_pinocchio(problem):
@@ -108,6 +111,7 @@ def test_the_cost_beside_the_torques_is_the_jerk_the_ends_and_the_share(problem)
     ends = ENDS * (np.sum((c[0] - rest) ** 2) + np.sum((c[-1] - rest) ** 2))
     right = 0.5 * (JERK[False] / 3 * jerk + ends) - 0.7 * SHARE
     assert value == pytest.approx(right, rel=closed_form(1e4))
+    assert problem.stand(rest, at_ball=False) == pytest.approx(rest, abs=1e-3)  # can be held
 
 
 def test_derivatives_of_blocks_are_differences():
@@ -143,9 +147,8 @@ def test_derivatives_of_blocks_are_differences():
         g = np.asarray(gradient(x, [])[1]).ravel()
         return 1.5 * g + np.asarray(jacobian(x, [])[1]).T @ multipliers
 
-    second = [
-        (lagrangian_slope(x + h * e) - lagrangian_slope(x - h * e)) / (2 * h) for e in np.eye(3)
-    ]
+    steps = h * np.eye(3)
+    second = [(lagrangian_slope(x + e) - lagrangian_slope(x - e)) / (2 * h) for e in steps]
     upper = np.asarray(ca.DM(hessian(x, [], 1.5, multipliers)))
     agrees(np.triu(upper), np.triu(second), 10 * differenced())
 
@@ -170,12 +173,13 @@ def test_the_verdict_is_by_inverse_dynamics_on_a_finer_grid(problem):
         worst["speed"] = max(speed.max(), worst.get("speed", 0.0))
     assert verdict.torque_squared == pytest.approx(total, rel=closed_form(1e4))
     planned = verdict.planned()
-    assert (planned.torque_use, planned.speed_use) == pytest.approx(
-        (worst["torque"], worst["speed"])
-    )
+    assert planned.torque_use == pytest.approx(worst["torque"])
+    assert planned.speed_use == pytest.approx(worst["speed"])
     broken = [line for line in planned.motion.warnings if "beyond its limit" in line]
     assert bool(broken) == (verdict.rows.min() < 0.0)
     agrees(planned.motion.q(-0.2), splines[0](-0.2), closed_form(10))
+    verdict.rows[:], verdict.rows[3, 1] = 1.0, problem.limits[0].reserve
+    assert verdict.planned().binding == ("torque of knee",)
 
 
 @pytest.mark.parametrize(("size", "fault"), [(0.013, None), (0.02, "depth"), (0.15, "limit")])

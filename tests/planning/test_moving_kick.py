@@ -8,11 +8,12 @@ import pytest
 from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
-from kickdyn.planning.intercepting_kick import KickSettings
+from kickdyn.planning.intercepting_kick import InterceptingKick, KickSettings
 from kickdyn.planning.interception import CANDIDATES, reach_of
 from kickdyn.planning.kick_steps import checked_contact
+from kickdyn.planning.kick_terms import KickPoint
 from kickdyn.planning.moving_kick import Interceptor
-from kickdyn.planning.objectives import KickObjective
+from kickdyn.planning.objectives import KickObjective, LargestShare
 from kickdyn.planning.plan_report import PlanReport
 
 BALL, AIR = kd.Ball(), kd.Air()
@@ -60,9 +61,7 @@ def test_a_rolling_ball_is_met_at_the_cheapest_of_the_meetings(rolling):
     assert all(meeting.reason for meeting in rolling.meetings if meeting.impact is None)
     times = np.array([meeting.time for meeting in rolling.meetings])
     halves = 2 * (CANDIDATES - 1) * (times - times[0]) / np.ptp(times)
-    assert halves == pytest.approx(
-        halves.round(), abs=closed_form(1e4)
-    )  # all that were tried, and those
+    assert halves == pytest.approx(halves.round(), abs=closed_form(1e4))  # all that were tried
     assert [n for n in halves.round() if n % 2 == 0] == [*range(0, 2 * CANDIDATES, 2)]
     assert np.ptp([n for n in halves.round() if n % 2 == 1]) == 2  # halfway beside the best one
     assert pickle.loads(pickle.dumps(rolling)).meeting.time == rolling.meeting.time
@@ -165,6 +164,9 @@ def test_where_a_ball_is_and_how_it_moves_away(ball, word):
     faster = "faster than its launch" if along > np.linalg.norm(launch) else None
     assert word == ("moves away from the foot" if away > 0 else faster)
     assert (word or "") in balls.escaping(0.1)
+    for share, term in ((1.0, objective.term), (0.9, LargestShare)):  # of a whole or weaker kick
+        found = InterceptingKick(kick, None, KickPoint(None, np.array([share])), *3 * [None])
+        assert type(found.objective) is term
 
 
 def test_changes_of_the_velocity_are_those_of_parabolas():

@@ -87,10 +87,9 @@ def test_degrees_in_place_of_radians_are_announced(q, is_announced):
 
 @pytest.mark.parametrize(("values", "outside"), [
     ({}, {}), ({"turn": 2 + 0.5e-6}, {}),  # a millionth is rounding
-    ({"turn": 2 + 2e-6}, {"turn": "deg"}),
+    ({"turn": 2 + 2e-6}, {"turn": "deg"}), ({"slide": 99.0}, {"slide": "99 m"}),  # no degrees
     ({"turn": 2.001, "spin": 3.1, "slide": -0.01}, {"turn": "114.65 deg", "slide": "-0.01 m"}),
     ({"slide": 0.31}, {"slide": "0.31 m is outside its range 0 to 0.3 m"}),
-    ({"slide": 99.0}, {"slide": "99 m"}),  # metres look like no degrees
 ])  # fmt: skip
 def test_joints_outside_their_range_are_named_with_their_value(values, outside):
     leg = mixed()

@@ -14,6 +14,7 @@ from tolerances import agrees, closed_form, differenced
 
 import kickdyn as kd
 from kickdyn.robot.leg import read_leg
+from kickdyn.robot.model_validation import frames_by_name
 
 BODY = pin.Inertia(1.0, np.array([0.0, 0.0, -0.25]), np.diag([0.1, 0.1, 0.05]))
 SEEDS = st.integers(0, 10**6)
@@ -84,9 +85,8 @@ def test_a_planar_leg_is_the_textbooks(name, seed):
             n = mp.matrix([mp.cos(mp.radians(degrees)), mp.sin(mp.radians(degrees))])
             exact = 1 / (n.T * jacobian * mp.inverse(inertia) * jacobian.T * n)[0]
             normal = [float(n[0]), 0.0, float(n[1])]
-            assert posture.effective_mass(normal) == pytest.approx(
-                float(exact), rel=closed_form(posture.condition)
-            )
+            right = pytest.approx(float(exact), rel=closed_form(posture.condition))
+            assert posture.effective_mass(normal) == right
     assert not posture.jacobian[1].any()
 
 
@@ -98,11 +98,9 @@ def test_laws_of_a_posture(seed):
     leg, h = random_leg(rng), 1e-5
     q = rng.uniform(-2, 2, size=leg.nq)
     posture = leg.posture(q)
-    columns = [
-        (leg.posture(q + step).contact_point - leg.posture(q - step).contact_point) / (2 * h)
-        for step in h * np.eye(leg.nv)
-    ]
-    agrees(posture.jacobian, np.column_stack(columns), differenced())
+    steps = h * np.eye(leg.nv)
+    moves = [leg.posture(q + e).contact_point - leg.posture(q - e).contact_point for e in steps]
+    agrees(posture.jacobian, np.column_stack(moves) / (2 * h), differenced())
     assert posture.jacobian_norm == pytest.approx(np.linalg.norm(posture.jacobian))
     rounding = closed_form(np.linalg.cond(posture.inertia))
     inverse = np.linalg.inv(posture.inertia)
@@ -199,24 +197,21 @@ def test_rotors_add_to_the_inertia():
 HUMAN_MODEL = kd.Leg.human().model
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (lambda leg: leg.locked({"toe": 0}), "'toe' is unknown"),
-        (lambda leg: leg.locked({"ankle": 30}), "ankle at 1718.9 deg"),
-        (lambda leg: leg.locked({"hip": 0, "knee": 0, "ankle": 0}), "all joints"),
-        (lambda leg: leg.with_armature({"toe": 1}), "'toe' is unknown"),
-        (lambda leg: leg.with_base_velocity((0, 0, 101)), "speed of the base is 101.* 100"),
-        (lambda leg: leg.with_base_velocity((0, 0, 0), (80, 0, 80)), "angular speed .* 100"),
-        (lambda leg: kd.Leg.from_robot("bolt", base="floating").with_base_velocity((1, 0, 0)),
-         "fixed base"),
-        (lambda leg: leg.with_armature({"hip": -1}), "armature of hip is -1.0"),
-        (lambda leg: kd.Leg.from_model(HUMAN_MODEL, "tow"), "'tow' is unknown: .*'toe'"),
-        (lambda leg: kd.Leg.from_model(HUMAN_MODEL, None), "frame is None"),
-        (lambda leg: kd.Leg.from_model(HUMAN_MODEL, "base"), "'base' is fixed to the base"),
-        (lambda leg: kd.Leg.from_model(None, "toe"), r"pinocchio\.Model"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("change", "said"), [
+    (lambda leg: leg.locked({"toe": 0}), "'toe' is unknown"),
+    (lambda leg: leg.locked({"ankle": 30}), "ankle at 1718.9 deg"),
+    (lambda leg: leg.locked({"hip": 0, "knee": 0, "ankle": 0}), "all joints"),
+    (lambda leg: leg.with_armature({"toe": 1}), "'toe' is unknown"),
+    (lambda leg: leg.with_base_velocity((0, 0, 101)), "speed of the base is 101.* 100"),
+    (lambda leg: leg.with_base_velocity((0, 0, 0), (80, 0, 80)), "angular speed .* 100"),
+    (lambda leg: kd.Leg.from_robot("bolt", base="floating").with_base_velocity((1, 0, 0)),
+     "fixed base"),
+    (lambda leg: leg.with_armature({"hip": -1}), "armature of hip is -1.0"),
+    (lambda leg: kd.Leg.from_model(HUMAN_MODEL, "tow"), "'tow' is unknown: .*'toe'"),
+    (lambda leg: kd.Leg.from_model(HUMAN_MODEL, None), "frame is None"),
+    (lambda leg: kd.Leg.from_model(HUMAN_MODEL, "base"), "'base' is fixed to the base"),
+    (lambda leg: kd.Leg.from_model(None, "toe"), r"pinocchio\.Model"),
+])  # fmt: skip
 def test_bad_arguments_are_refused(change, said):
     with pytest.raises(kd.InvalidInput, match=said):
         change(kd.Leg.human())
@@ -227,6 +222,9 @@ def test_a_frame_can_be_a_joint_and_a_body_goes_before_it(spoil, load):
     assert ankle.contact_point[2] == pytest.approx(-0.814)  # 0.371 + 0.443
     both = load(spoil(('name="hip"', 'name="toe"')))  # a joint named like the link at the tip
     assert both.posture([0, 0]).contact_point == pytest.approx([0, 0, 0.2])
+    model, kinds = both.model, (pin.FrameType.FIXED_JOINT, pin.FrameType.BODY)
+    fixed, body = [model.addFrame(pin.Frame("x", 1, pin.SE3.Identity(), kind)) for kind in kinds]
+    assert frames_by_name(model)["x"] == body > fixed
 
 
 def test_a_speed_limit_of_0_is_a_warning_where_the_joint_moves_the_foot():

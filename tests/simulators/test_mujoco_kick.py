@@ -7,7 +7,7 @@ from tolerances import agrees, closed_form
 
 import kickdyn as kd
 from kickdyn.impact.approach import find_approach
-from kickdyn.simulators.mujoco_kick import MujocoContact, MujocoKick, ball_spin
+from kickdyn.simulators.mujoco_kick import MujocoContact, MujocoKick, ball_spin, write_bodies
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -72,6 +72,15 @@ def test_mujoco_has_the_same_leg_and_ball(kick):
     ball_id = model.body("ball").id
     mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, ball_id, velocity, 0)
     agrees(ball_spin(data), velocity[:3], closed_form(10))
+
+
+def test_joints_stop_at_the_ends_of_their_ranges_but_for_continuous_ones():
+    model = tree("slide", "continuous", "hinge").model
+    model.lowerPositionLimit, model.upperPositionLimit = np.outer([-1, 1], np.arange(1, 6))
+    bodies = write_bodies(model, {}, limits=True)
+    text = f'<mujoco><compiler angle="radian"/><worldbody>{bodies}</worldbody></mujoco>'
+    stops = mujoco.MjModel.from_xml_string(text).jnt_range.tolist()
+    assert stops == [[-1, 1], [-2, 2], [0, 0], [-5, 5]]
 
 
 def test_a_simulation_that_diverges_or_does_not_end_is_an_error(kick, tmp_path, monkeypatch, capfd):

@@ -143,11 +143,13 @@ def test_the_sole_in_a_turned_frame_is_the_same(tmp_path):
     turned = _sole(padded, kd.Support("pad"), pad, place.rotation)
     sole = _sole(robot, kd.Support("left"), robot.model.getFrameId("left"), np.eye(3))
     agrees(turned @ place.rotation.T + place.translation, sole, closed_form(10))
+    robots = [one.with_supports(FOOT) for one in (G1, kd.kick_with(G1, "instep"))]
+    poses = [StandingRobot(one).kicking_foot().pose.homogeneous for one in robots]
+    agrees(*poses, closed_form(1e4))
 
 
-@pytest.mark.parametrize(
-    "sole", [None, [(-0.1, -0.04, -0.06), (0.1, -0.04, -0.06), (0, 0.04, -0.06)]]
-)
+@pytest.mark.parametrize("sole", [
+    None, [(-0.1, -0.04, -0.06), (0.1, -0.04, -0.06), (0, 0.04, -0.06)]])  # fmt: skip
 def test_a_foot_that_is_tilted_with_joints_at_0_is_turned_level(tmp_path, sole):
     """Each foot is a box 0.06 m below its ankle, its toes up by 15 degrees."""
     robot = biped(tmp_path, VISUAL.format(0, 0, -0.05, '<box size="0.2 0.08 0.02"/>'), -0.26)

@@ -20,12 +20,13 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core.plot_style import styled
 from kickdyn.core.validation import Array
-from kickdyn.flight.batch import fly_many
+from kickdyn.flight.batch import MARCH, fly_many
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import follow
 from kickdyn.flight.follow_many import follow_many
+from kickdyn.impact import strike_kernel
 from kickdyn.impact.collide import collide
-from kickdyn.impact.collide_many import collide_many
+from kickdyn.impact.collide_many import COLLIDE, collide_many
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.pinocchio_engine import contact_row, joined_state, with_ball
 from kickdyn.impact.strike import strike
@@ -34,6 +35,8 @@ from kickdyn.robot.leg import Leg
 from kickdyn.scene.scene import Compliance, Scene
 from kickdyn.scene.simulate import simulate
 from kickdyn.scene.simulate_many import simulate_many
+from kickdyn.sweeps import kernel as sweep_kernel
+from kickdyn.sweeps.carry_table import EVALUATE
 from kickdyn.sweeps.sweep import sweep
 from kickdyn.sweeps.sweep_kick import Kick
 
@@ -107,7 +110,9 @@ def impulse_dynamics(impact: Impact) -> Callable[[], Array]:
 
 
 def measure_functions(report: Callable[[str], None] = lambda _: None) -> list[FunctionCost]:
-    """Measure every function; `report` is called with each name."""
+    """Measure every function, batches in machine code; `report` is called with each name."""
+    for code in (strike_kernel.KERNEL, COLLIDE, MARCH, sweep_kernel.KERNEL, EVALUATE):
+        code.pays(math.inf)
     rows = []
     for measured in functions():
         report(measured.name)

@@ -53,8 +53,8 @@ that scale them, and the first column: as `CompliantContact` has them."""
 
 RESULT = 5
 """Rows of an answer before the last column: 1 where the points stick at separation, 2 where it is
-doubtful, else 0; contact time [s], largest deflection [m], energy that is not accounted for [J] and
-evaluations."""
+doubtful, 3 where the foot reaches the centre of the ball, else 0; contact time [s], largest
+deflection [m], energy that is not accounted for [J] and evaluations."""
 
 MOST_CALLS = 20_000
 """Evaluations of one contact after which it is left to `collide`."""

@@ -208,8 +208,9 @@ def _begin_phase(lane, i, which):
 def _end_step(lane, i, error, relative):
     """Return what becomes of a step of lane i.
 
-    It is taken (-1), taken anew (-2), left to `collide` (-3), or a phase ends with it: the number
-    of the end, plus 10 where it has ended at the beginning of the step.
+    It is taken (-1), taken anew (-2), left to `collide` (-3), the foot reaches the centre of the
+    ball (-4), or a phase ends with it: the number of the end, plus 10 where it has ended at the
+    beginning of the step.
     """
     h, doubtful = lane[STEP, i], lane[CALLS, i] > MOST_CALLS
     if doubtful or h < 1e-13 * lane[EXPECTED, i]:
@@ -219,7 +220,7 @@ def _end_step(lane, i, error, relative):
         lane[STEP, i], lane[REJECTED, i], lane[HIGH, i] = h * factor, 1.0, 0.0
         return -2
     if lane[HEIGHT, i] <= 1e-9 * lane[RADIUS, i]:
-        return -3
+        return -4
     which, trying = _first_end(lane, i), lane[HIGH, i] > 0.0
     if which < 0 and not trying:
         return -1
@@ -306,8 +307,8 @@ def _collide(tree, task, torque, given, answer, work, rtol):
             which = _end_step(lane, i, error, relative)
             if which == -2:
                 continue
-            doubtful, parted = which == -3, False
-            if which < 10 and not doubtful:
+            doubtful, through, parted = which == -3, which == -4, False
+            if -3 < which < 10:
                 for m in range(dim):
                     columns[0, m, i] = columns[1, m, i]
                 lane[TIME, i] += h
@@ -326,14 +327,14 @@ def _collide(tree, task, torque, given, answer, work, rtol):
                     lane[TIME, i] += late
                     for m in range(dim):
                         columns[0, m, i] += late * rates[STAGES, m, i]
-            if not (doubtful or parted):
+            if not (doubtful or through or parted):
                 continue
             row = rows[i]
             for k in range(1, n):
                 doubtful |= not abs(lane[START + k - 1, i] + columns[0, k - 1, i]) < LARGEST_ANGLE
             energy = energy_of(tree, lane, columns[1], motion, inertia, bodies, i)
-            sticks = 1.0 if lane[KIND, i] == STICKS else 0.0
-            answer[0, row] = 2.0 if doubtful or floats.doubt[i] != 0.0 else sticks
+            kind = 3.0 if through else 1.0 if lane[KIND, i] == STICKS else 0.0
+            answer[0, row] = 2.0 if doubtful or floats.doubt[i] != 0.0 else kind
             answer[1, row], answer[2, row] = lane[TIME, i], lane[LARGEST, i]
             lost, work_done = columns[1, dim - 2, i], columns[1, dim - 1, i]
             answer[3, row] = lane[BEFORE, i] + work_done - energy - lost

@@ -280,8 +280,8 @@ class _Kernel:
         answer = np.empty((RESULT + self._dim, len(chosen)))
         table = given if len(chosen) == n else np.ascontiguousarray(given[:, chosen])
         COLLIDE()(*self._given_leg, table, answer, self._work, tol)
-        exact = (answer[0] != 2.0) & np.isfinite(answer).all(axis=0)
-        chosen, answer = chosen[exact], answer[:, exact]
+        through, exact = answer[0] == 3.0, (answer[0] < 2.0) & np.isfinite(answer).all(axis=0)
+        failed, chosen, answer = chosen[through], chosen[exact], answer[:, exact]
         column, place = answer[RESULT:], np.arange(rows.start, rows.stop)[chosen]
         moved, speeds, ball = column[:nv].T, column[nv : 2 * nv].T, column[2 * nv :]
         mass_of_ball = 1.0 / given[INVERSE_MASS, chosen][:, None]
@@ -297,7 +297,7 @@ class _Kernel:
         )  # fmt: skip
         collisions.status[rows][parting] = StrikeStatus.NO_IMPACT.flag
         remaining: NDArray[np.bool_] = ~parting
-        remaining[chosen] = False
+        remaining[failed] = remaining[chosen] = False
         return remaining
 
     def _begin(self, given: Array) -> _Beginning:

@@ -124,7 +124,7 @@ class ScaledCoefficient:
 
 
 def name_of(model: object) -> object:
-    """Return what an `Air` shows of a coefficient: its value, or its name if it has one."""
+    """Return the value of a constant coefficient, or the name of another one, for printing."""
     if isinstance(model, ConstantCoefficient):
         return model.value
     return getattr(model, "name", getattr(model, "__name__", model))

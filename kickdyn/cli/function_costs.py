@@ -171,7 +171,8 @@ class Measured(NamedTuple):
 def mixture(q: Array, v: Array) -> tuple[Array, Array]:
     """Return q and v of `ROWS` strikes: a third each stick, slip and miss; the last row is given.
 
-    The velocities are drawn, those of slipping and missing in all directions.
+    The joint velocities are drawn from a normal distribution; of the draws, as many of each kind
+    are taken.
     """
     draw, third, leg = np.random.default_rng(0), ROWS // 3, Leg.human()
     drawn = draw.normal(0.0, math.hypot(*v) / math.sqrt(len(v)), (10 * ROWS, len(v)))

@@ -177,9 +177,9 @@ class Rolling(NamedTuple):
     length: float | Array
 
     def direction(self, velocity: Array) -> Array:
-        """Return cosine and sine of the direction, shape `(2,)` or `(n, 2)`; of 0 unless straight.
+        """Return cosine and sine of the angle of the axes in which the motion is computed.
 
-        The motion is computed in axes turned by this angle.
+        Shape `(2,)` or `(n, 2)`. It is the direction of the ball if `straight`, else 0.
         """
         moves = (np.asarray(self.speed) > 0.0) & self.straight
         size = np.where(moves, self.speed, 1.0)[..., None]
@@ -308,8 +308,8 @@ def roll(
         return [u, v, 0.0, *acceleration(height, u, v), 0.0, 0.0]
 
     def in_world(moving: Any) -> Any:
-        x, y, z, u, v, w, left = moving
-        return np.array([*turned(x, y, cosine, sine), z, *turned(u, v, cosine, sine), w, left])
+        x, y, z, u, v, w, spin = moving
+        return np.array([*turned(x, y, cosine, sine), z, *turned(u, v, cosine, sine), w, spin])
 
     def of_world(function: EventFunction) -> EventFunction:
         return lambda moving, numbers: function(in_world(moving), numbers)

@@ -219,9 +219,9 @@ def _end_step(lane, i, error, relative):
         factor = max(0.2, 0.9 / math.sqrt(math.sqrt(math.sqrt(error)))) if error < 1e30 else 0.2
         lane[STEP, i], lane[REJECTED, i], lane[HIGH, i] = h * factor, 1.0, 0.0
         return -2
-    if lane[HEIGHT, i] <= 1e-9 * lane[RADIUS, i]:
-        return -4
     which, trying = _first_end(lane, i), lane[HIGH, i] > 0.0
+    if which < 0 and lane[HEIGHT, i] <= 1e-9 * lane[RADIUS, i]:
+        return -4
     if which < 0 and not trying:
         return -1
     if which < 0:  # before the end that is sought

@@ -102,9 +102,9 @@ def collide_many(
 
     Fixed-base legs of hinges and slides with rigid drives are computed in machine code, with the
     spring of a contact time, a stiffness or `"pressure"`; other legs, the force of an inflated
-    ball, and rows that lose digits there, by `collide` one after the other, as are some ten rows,
-    for which machine code is not worth loading, or some hundred, for which it is not worth
-    compiling. Both ways keep the tolerance, with errors of their own.
+    ball, and rows that lose digits there, by `collide` one after the other. So are batches of some
+    ten rows, which take less time than loading machine code, and of some hundred if it is not
+    compiled yet. Both ways keep the tolerance, with errors of their own.
 
     Args:
         leg: the leg.
@@ -202,7 +202,7 @@ def _source() -> Source:
     return collide_kernel.source()
 
 
-COLLIDE = MachineCode(_source, "the kernel of contacts that take time", 9.0)
+COLLIDE = MachineCode(_source, "the kernel of contacts that take time", 10.0)
 
 
 class _Beginning(NamedTuple):
@@ -213,7 +213,7 @@ class _Beginning(NamedTuple):
         inverse_mass: of the foot along the normal [1/kg].
         sliding: of the contact points along both tangents, shape `(2, n)` [m/s].
         inertia: diagonal of the joint-space inertia, shape `(nv, n)` [kg m2; kg].
-        sound: whether these have their digits.
+        sound: whether these are computed to full precision.
     """
 
     speed: Array
@@ -301,7 +301,7 @@ class _Kernel:
         return remaining
 
     def _begin(self, given: Array) -> _Beginning:
-        """Return where contacts begin, and put axes, arm and centre in as a lane has them.
+        """Return the motion at first contact, and put axes, arm and centre into `given`.
 
         The machine code's functions compute it on arrays of all rows. Before, the axes are in the
         world frame, and the arm is from the joint's origin to the contact point in its frame.

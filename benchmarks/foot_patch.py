@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 
 import kickdyn as kd
 from kickdyn.core.validation import Array
-from kickdyn.impact.patch_contact import overlap
+from kickdyn.impact.patch_contact import FootPatch, overlap
 
 SPEED, WIDTH = 17.0, 0.08
 """Of the foot [m/s], and of the strip [m]."""
@@ -47,7 +47,7 @@ def kicked(
     """Return a kick whose path is at an angle to the normal of the strip [rad]."""
     v = SPEED * np.array([math.cos(angle), math.sin(angle), 0.0])
     contact = kd.Contact((1, 0, 0), "inflated", friction)
-    patch = kd.FootPatch(width, offset)
+    patch = FootPatch(width, offset)
     return kd.collide(FOOT, v, INFLATED, contact, model=patch, tol=1e-7)
 
 

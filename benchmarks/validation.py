@@ -25,6 +25,7 @@ from scipy.stats import qmc
 
 import kickdyn as kd
 from kickdyn.aerodynamics import drag, lift
+from kickdyn.impact.patch_contact import FootPatch
 from kickdyn.paper.item import MEASURED
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -253,7 +254,7 @@ def curves() -> Iterator[Row]:
     by_strip = [one - none for one, none in zip(patch[1.0], patch[0.0], strict=True)]
     why = (
         "At a point, only friction gives a ball spin ([why](impact.md#spin-without-friction))"
-        ". A strip of the foot of 80 mm (`kd.FootPatch`) gives some without friction ([strip of "
+        ". A strip of the foot of 80 mm (`FootPatch`) gives some without friction ([strip of "
         f"the foot](inflated-ball.md#a-strip-of-the-foot)); it is computed up to {last:.0f} mm. "
         "For kicks with spin, fit the friction to measured spin (`kd.infer_impact`)."
     )
@@ -304,7 +305,7 @@ def bounces() -> Iterator[Row]:
     """Yield the row of M16: a ball at 10 m/s, 45 deg from above, on a wide and heavy foot."""
     before = 10.0 * np.array([1.0, 0.0, -1.0]) / math.sqrt(2.0)
     heavy, rest, ends = sliding_foot(1e4), np.zeros(3), []
-    patch = kd.FootPatch(math.inf, across=(1, 0, 0))
+    patch = FootPatch(math.inf, across=(1, 0, 0))
     for mu in (0.8, 0.1):
         contact = kd.Contact((0, 0, 1), "inflated", mu)
         soft = kd.collide(
@@ -317,7 +318,7 @@ def bounces() -> Iterator[Row]:
         f"{percent(ends[0], 0)} where it grips (mu = 0.8), {percent(ends[1], 0)} where it slides "
         "(mu = 0.1)",
         verdict(end > 0.0 for end in ends),
-        "A ball of 80 kPa at 10 m/s, 45 deg from above, with `kd.FootPatch` against the point of "
+        "A ball of 80 kPa at 10 m/s, 45 deg from above, with `FootPatch` against the point of "
         "`kd.strike`. The tangential stiffness gives energy back, so that a ball that grips turns "
         "faster than it rolls; where it slides, the shear must build up first. The stiffness is "
         "that of elastic solids, not measured for a ball. The source explains the spin by a normal "
@@ -536,7 +537,7 @@ def inflated() -> Iterator[Row]:
         "M6", "e of kicks, ball at 11.5 and 22.2 m/s", "falls as the speed grows",
         f"{ends[0]:.3f} falling to {ends[1]:.3f}", sign(ends[1] - ends[0], -1),
         "A ball of 80 kPa with `restitution=\"inflated\"` ([inflated ball](inflated-ball.md)). A "
-        "narrow strip of `kd.FootPatch` stops less of the shell; in people, e at the toe is larger "
+        "narrow strip of `FootPatch` stops less of the shell; in people, e at the toe is larger "
         "below 15 m/s only.",
     )  # fmt: skip
     areas = []

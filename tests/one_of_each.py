@@ -12,6 +12,7 @@ from kickdyn.identification.infer_impact import RestitutionFit
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.reach import ReachRow, ReachTable
 from kickdyn.simulators.mujoco_fit import KickError
+from kickdyn.simulators.noisy_runs import NoisyRuns
 from kickdyn.simulators.run_in_mujoco import MujocoRun
 from kickdyn.simulators.tune_mujoco import MujocoGoal, MujocoTuning
 
@@ -155,7 +156,7 @@ MADE = {
     "learner": learner,
     "tuning": tuning,
     "run": run,
-    "noisy runs": lambda: kd.NoisyRuns((run(), run(1.32)), kd.KickNoise()),
+    "noisy runs": lambda: NoisyRuns((run(), run(1.32)), kd.KickNoise()),
     "reach": lambda: ReachTable("robot", True, (
         ReachRow(-10.0, 20.0, 21.43, 23.0, "speed of knee", 31.26, 44.32),
         ReachRow(0.0, 35.0, 18.71, None, "", 26.54, 37.98),

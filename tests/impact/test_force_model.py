@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 from tolerances import EPSILON, closed_form, integrated
 
 import kickdyn as kd
-from kickdyn.impact.force_model import HERTZ, LINEAR, ForceModel, contact_time_of
+from kickdyn.impact.force_model import (
+    HERTZ,
+    LINEAR,
+    ForceModel,
+    contact_stiffness,
+    contact_time_of,
+)
 
 
 @pytest.mark.parametrize("e", [1.0, 0.7, 0.2, 0.01])
@@ -24,7 +30,7 @@ def test_contact_times_and_stiffness_by_closed_forms(e):
     assert hertz == pytest.approx(2.9432 * crush / speed, rel=1e-4)  # digits
     time = contact_time_of(ForceModel(k, e), m, speed)
     assert time == pytest.approx((1 + e) / 2 * hertz, rel=closed_form())
-    assert kd.contact_stiffness(time, m, speed, e) == pytest.approx(k, rel=closed_form())
+    assert contact_stiffness(time, m, speed, e) == pytest.approx(k, rel=closed_form())
     linear = contact_time_of(ForceModel(5e4, e, LINEAR), m, speed)
     assert linear == pytest.approx((1 + e) / 2 * math.pi * math.sqrt(m / 5e4), rel=closed_form())
 
@@ -79,4 +85,4 @@ def test_the_contact_pushes_only():
     ((1e-300, 1, 1), "contact time is")])  # fmt: skip
 def test_bad_input(arguments, words):
     with pytest.raises(kd.InvalidInput, match=words):
-        kd.contact_stiffness(*arguments)
+        contact_stiffness(*arguments)

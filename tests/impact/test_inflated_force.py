@@ -13,6 +13,7 @@ from tolerances import agrees, closed_form, integrated
 import kickdyn as kd
 from kickdyn.impact import collide as collide_module
 from kickdyn.impact.inflated_force import InflatedForce
+from kickdyn.impact.patch_contact import FootPatch
 from kickdyn.restitution import SHELL_RESTITUTION
 
 BALL = kd.Ball(pressure=80e3)
@@ -116,7 +117,7 @@ def test_force_and_energy_at_a_deflection(u, share):
     assert force.energy(travel, rate) == pytest.approx(energy, rel=closed_form(1e4))
 
 
-@pytest.mark.parametrize("model", ["point", kd.FootPatch(0.08)], ids=["point", "patch"])
+@pytest.mark.parametrize("model", ["point", FootPatch(0.08)], ids=["point", "patch"])
 @pytest.mark.parametrize(("speed", "warned"), [(20.0, False), (34.0, True)])
 def test_a_speed_beyond_the_model_is_warned_of(speed, warned, model):
     collision = head_on(speed if model == "point" else 0.7 * speed, tol=1e-6, model=model)

@@ -10,7 +10,7 @@ from scipy.integrate import dblquad
 from tolerances import agrees, closed_form, differenced, integrated
 
 import kickdyn as kd
-from kickdyn.impact.patch_contact import overlap
+from kickdyn.impact.patch_contact import FootPatch, overlap
 
 BALL = kd.Ball(pressure=80e3)
 R = BALL.radius
@@ -62,25 +62,25 @@ def test_the_overlap_is_an_integral_and_has_these_slopes(deflection, centre, hal
 @pytest.mark.parametrize("speed", [2.0, 14.0])
 def test_a_wide_strip_is_the_point(speed):
     """The force of the plane, up to the second order of the deflection, and no spin."""
-    wide = kick(kd.FootPatch(0.3, 0.01), v=(speed, 0, 0))
+    wide = kick(FootPatch(0.3, 0.01), v=(speed, 0, 0))
     point = kd.collide(FOOT, (speed, 0, 0), BALL, wide.contact, tol=1e-8)
     second = 0.25 * (point.deflection / R) ** 2
     velocity = point.ball_after.velocity
     np.testing.assert_allclose(wide.ball_after.velocity, velocity, atol=second * speed)
     np.testing.assert_allclose(wide.ball_after.spin, 0.0, atol=integrated(1e-8, 10))
-    elastic = kick(kd.FootPatch(math.inf), e=0.7)
+    elastic = kick(FootPatch(math.inf), e=0.7)
     parting = elastic.ball_after.velocity[0] - elastic.v_after[0]
     assert parting == pytest.approx(14.0 * 0.7, rel=integrated(1e-8))
 
 
 def test_spin_from_the_edge_of_a_strip():
     """None from its middle, the opposite from the other edge, none without loss and friction."""
-    spins = {x: kick(kd.FootPatch(0.08, x)).ball_after.spin[2] for x in (0.0, 0.03, -0.03)}
+    spins = {x: kick(FootPatch(0.08, x)).ball_after.spin[2] for x in (0.0, 0.03, -0.03)}
     assert abs(spins[0.0]) < integrated(1e-8, 10)
     assert 1.0 < spins[0.03] < 15.0
     assert spins[-0.03] == pytest.approx(-spins[0.03], rel=integrated(1e-8))
     # The pressure acts through the centre, because a turned sphere has the same overlap.
-    elastic = kick(kd.FootPatch(0.08, 0.03), e=1.0)
+    elastic = kick(FootPatch(0.08, 0.03), e=1.0)
     np.testing.assert_allclose(elastic.ball_after.spin, 0.0, atol=closed_form(100))
     assert elastic.energy_lost == pytest.approx(0.0, abs=closed_form(100))
     assert elastic.ball_after.velocity[1] > 1.0  # the edge pushes it aside
@@ -90,7 +90,7 @@ def test_spin_from_the_edge_of_a_strip():
 @pytest.mark.parametrize(("offset", "e"), [(0.0, "inflated"), (0.025, "inflated"), (0.025, 0.7)])
 def test_energy_and_momentum_are_balanced(friction, offset, e):
     v, spin = np.array([14.0, 3.0, 1.0, 1.0, -4.0, 3.0]), (5.0, -10.0, 20.0)
-    collision = kick(kd.FootPatch(0.08, offset), friction, e, v, FREE, ball_spin=spin, tol=1e-10)
+    collision = kick(FootPatch(0.08, offset), friction, e, v, FREE, ball_spin=spin, tol=1e-10)
     before = momentum(FREE.leg, FREE.q, v, BALL, collision.ball_before)
     after = momentum(FREE.leg, collision.q_after, collision.v_after, BALL, collision.ball_after)
     agrees(after, before, integrated(1e-10))
@@ -107,7 +107,7 @@ def bounce(grip, friction=0.8):
     """A ball at 10 m/s that meets a level, wide and heavy foot, 45 degrees from above."""
     contact = kd.Contact((0, 0, 1), "inflated", friction)
     velocity = 10.0 * np.array([1, 0, -1]) / math.sqrt(2)
-    foot, patch = rails("xyz", 1e4), kd.FootPatch(math.inf, across=(1, 0, 0), grip=grip)
+    foot, patch = rails("xyz", 1e4), FootPatch(math.inf, across=(1, 0, 0), grip=grip)
     kick = foot.posture(np.zeros(3)), np.zeros(3), BALL, contact
     return (
         kd.collide(*kick, model=patch, ball_velocity=velocity, tol=1e-7),
@@ -137,7 +137,7 @@ def test_the_surface_of_a_foot():
     contact = kd.Contact((1, 0, 0), "inflated", 0.4, offset=(0, 0.01, 0))
     named, explicit = (
         kd.collide(posture, v, BALL, contact, model=model, tol=1e-5)
-        for model in ("patch", kd.FootPatch(float(width), 0.01))
+        for model in ("patch", FootPatch(float(width), 0.01))
     )
     agrees(named.impulse, explicit.impulse, integrated(1e-6))
     assert pickle.loads(pickle.dumps(named)).impulse.tolist() == named.impulse.tolist()
@@ -146,20 +146,20 @@ def test_the_surface_of_a_foot():
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: kd.FootPatch(0.0), "width is 0.*above 0"),
-        (lambda: kd.FootPatch(0.1, math.nan), "offset is nan"),
-        (lambda: kd.FootPatch(0.1, grip=0), "grip is 0"),
-        (lambda: kick(kd.FootPatch(0.1, across=(1, 0, 0))), "direction .*normal"),
+        (lambda: FootPatch(0.0), "width is 0.*above 0"),
+        (lambda: FootPatch(0.1, math.nan), "offset is nan"),
+        (lambda: FootPatch(0.1, grip=0), "grip is 0"),
+        (lambda: kick(FootPatch(0.1, across=(1, 0, 0))), "direction .*normal"),
         (lambda: kick("patch"), "toe"),
-        (lambda: kick(kd.FootPatch(0.1), stiffness=1e5), "100000.*pressure"),
-        (lambda: kick(kd.FootPatch(0.04, 0.08), tol=1e-6), "14 m/s.*radius"),
-        (lambda: kick(kd.FootPatch(0.08, 30.0)), "offset is 30 m: .*less than 0.149"),
+        (lambda: kick(FootPatch(0.1), stiffness=1e5), "100000.*pressure"),
+        (lambda: kick(FootPatch(0.04, 0.08), tol=1e-6), "14 m/s.*radius"),
+        (lambda: kick(FootPatch(0.08, 30.0)), "offset is 30 m: .*less than 0.149"),
         (
             lambda: kd.collide(FOOT, (9, 0, 0), kd.Ball(), kd.Contact((1, 0, 0)),
-                               model=kd.FootPatch(0.1)),
+                               model=FootPatch(0.1)),
             "pressure is None",
         ),
-        (lambda: kick(kd.FootPatch(0.1), tol=1e-5).joint_impulses, "'patch'.*'point'"),
+        (lambda: kick(FootPatch(0.1), tol=1e-5).joint_impulses, "'patch'.*'point'"),
     ],
 )  # fmt: skip
 def test_bad_input(call, words):

@@ -18,6 +18,7 @@ from kickdyn.simulators import refine_kick as refinement
 from kickdyn.simulators import run_in_mujoco as module
 from kickdyn.simulators.disturbance import Disturbance, draw
 from kickdyn.simulators.mujoco_field import MujocoField
+from kickdyn.simulators.noisy_runs import NoisyRuns
 
 pytest.importorskip("mujoco")
 SWING = 0.25
@@ -164,7 +165,7 @@ def test_runs_are_counted_and_their_launches_compared(plan, run):
     for k, (speed, azimuth) in enumerate(errors):
         velocity = speed * pin.rpy.rpyToMatrix(0, 0, azimuth) @ turn @ launch
         runs[k] = replace(runs[k], ball_after=replace(run.ball_after, velocity=velocity))
-    noisy = kd.NoisyRuns(tuple(runs), kd.KickNoise())
+    noisy = NoisyRuns(tuple(runs), kd.KickNoise())
     assert (noisy.upright, len(noisy.hits)) == (2, 2)
     agrees(noisy.launch_errors, [[0.1, 0.05, 0.02], [-0.1, -0.03, 0.02]], closed_form(1e4))
     assert noisy.means == pytest.approx([0, 0.01, 0.02])

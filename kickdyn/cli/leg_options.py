@@ -37,6 +37,7 @@ def load_leg(
     package_dirs: Sequence[str] = (),
     locked: Mapping[str, float] | None = None,
     drives: str | bool = True,
+    facing: str = "x",
 ) -> Leg:
     """Return a leg by one of the names `LEGS` or of robot_descriptions, or of a URDF or MJCF file.
 
@@ -51,8 +52,10 @@ def load_leg(
         leg = Leg.human(**size, frame=frame or "toe", base=base).locked(InDegrees(locked or {}))
         return leg if isinstance(drives, bool) else leg.with_drives(drives)
     described = name.endswith(DESCRIPTION)
+    if facing != "x" and name in LEGS:
+        raise InvalidInput(f"facing is {facing!r}: it is for a file, and {name} faces x already")
     if package_dirs and (name in LEGS or described):
-        raise InvalidInput(f"package-dir is {package_dirs[0]!r}: it is for a URDF file, not {name}")
+        raise InvalidInput(f"package-dir is {package_dirs[0]!r}: it is for a file, not {name}")
     if name in SHIPPED:
         return read_leg(shipped_urdf(SHIPPED[name]), frame, base, (), locked, drives)
     degrees = InDegrees(locked or {})
@@ -62,10 +65,10 @@ def load_leg(
         )
         return robot if base == "floating" else kicking_chain(robot).leg
     if described and not os.path.exists(name):  # noqa: PTH110
-        return Leg.from_robot(name, frame, base=base, locked=degrees, drives=drives)
+        return Leg.from_robot(name, frame, base=base, locked=degrees, drives=drives, facing=facing)
     if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
-    return read_leg(name, frame, base, package_dirs, locked, drives)
+    return read_leg(name, frame, base, package_dirs, locked, drives, facing)
 
 
 def _read_size(name: str) -> dict[str, Any]:
@@ -139,7 +142,11 @@ class LegOptions:
     package_dirs: tuple[str, ...] = option(
         "--package-dir", multiple=True, metavar="DIR",
         type=click.Path(exists=True, file_okay=False),
-        help="ROS package with meshes of a URDF file, or a folder that contains it; repeatable.",
+        help="ROS package with meshes of a file, or a folder that contains it; repeatable.",
+    )  # fmt: skip
+    facing: str = option(
+        "--facing", default="x", show_default=True, type=click.Choice(["x", "y", "-x", "-y"]),
+        help="Axis along which the robot of a file faces; its base is turned to face x.",
     )  # fmt: skip
 
     def load(self) -> Leg:
@@ -155,7 +162,7 @@ class LegOptions:
                 self.frame,
                 partial(
                     load_leg, self.leg_name, base=base, package_dirs=self.package_dirs,
-                    locked=locked, drives=drives,
+                    locked=locked, drives=drives, facing=self.facing,
                 ),
             )  # fmt: skip
         except InvalidInput:

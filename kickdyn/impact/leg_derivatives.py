@@ -57,7 +57,7 @@ def leg_derivatives(
         # Pinocchio rotates the impulse with the body; this one is fixed in the world.
         for axes in (LINEAR, ANGULAR):
             unbalanced -= jacobian[axes].T @ pin.skew(load.wrench[axes]) @ jacobian[ANGULAR]
-
+    unbalanced -= _gear_slopes(posture, constraint_impulses)
     inverse = constrained_inverse_inertia(posture)
     admissible = np.column_stack([posture.admissible(unit) for unit in np.eye(nv)])
     free = posture.without_stiff_joints
@@ -145,7 +145,8 @@ def joint_impulse_derivatives(
         return joints
     least = np.linalg.pinv(projector.rows.T, rcond=RANK_TOLERANCE)
     rotors = posture.leg.workspace.model.armature[:, None] * slopes.jump
-    change = least @ (tree.along_axes(joints) + rotors)
+    gears = _gear_slopes(posture, response.constraint_impulses) @ slopes.q
+    change = least @ (tree.along_axes(joints) + rotors - gears)
     if projector.rank < len(projector.rows):  # the smallest of several sets changes with A, too
         rates = _constraint_rates(posture, projector, least.T @ response.constraint_impulses)
         free = np.eye(len(projector.rows)) - projector.rows @ least.T
@@ -312,7 +313,21 @@ def _constraint_rates(posture: Posture, projector: ConstraintProjector, velocity
     for rows, load in constraint_loads(posture, np.ones(len(projector.rows))):
         by_q = _velocity_by_q(posture, load, _jacobian(posture, load), velocity)
         rows_q[rows] += load.wrench[0] * by_q[: rows.stop - rows.start]
+    constraints = projector.constraints
+    rows, drivers = constraints.gear_rows, constraints.gears.driver_indices
+    curvature = constraints.gears.values(posture.q, 2) * velocity[drivers]
+    rows_q[range(rows.start, rows.stop), drivers] -= curvature
     return rows_q
+
+
+def _gear_slopes(posture: Posture, impulses: Array) -> Array:
+    """Return the derivative by q of what impulses of mimic joints do in the joints, `(nv, nv)`."""
+    slopes, projector = np.zeros((posture.leg.nv, posture.leg.nv)), posture.constraint_projector
+    if projector is not None:
+        gears, rows = projector.constraints.gears, projector.constraints.gear_rows
+        curvature = gears.values(posture.q, 2) * impulses[rows]
+        np.subtract.at(slopes, (gears.driver_indices, gears.driver_indices), curvature)
+    return slopes
 
 
 def _closed(posture: Posture) -> Array:

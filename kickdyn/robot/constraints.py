@@ -194,7 +194,7 @@ class Constraints:
                 joints, levers = (end.joint, start.joint), (end.lever, start.lever)
                 turns = turn, start.rotation_joint_frame @ axes.T
             blocks.append(ConstraintBlock(span, *joints, turns, axes, levers))
-        matrix[span.stop : self.stiff_rows.start] = self.gears.rows
+        matrix[self.gear_rows] = self.gears.rows(q)
         if self.stiff_joints:
             matrix[self.stiff_rows] = 0.0
             matrix[range(self.stiff_rows.start, self.size), self.stiff_joints] = 1.0
@@ -210,6 +210,11 @@ class Constraints:
     def stiff_rows(self) -> slice:
         """The rows of the stiff joints in A, the last ones."""
         return slice(self.size - len(self.stiff_joints), self.size)
+
+    @property
+    def gear_rows(self) -> slice:
+        """The rows of the mimic joints in A, before those of the stiff joints."""
+        return slice(self.loop_rows.stop, self.stiff_rows.start)
 
     def bias(self, model: Any, data: Any, q: Array, v: Array) -> Array:
         r"""Return :math:`\dot A v`, shape `(size,)` [m/s2, rad/s2]; it runs the kinematics."""
@@ -227,6 +232,7 @@ class Constraints:
             result[row : row + size] = acceleration(end)[:size]
             if start is not None:
                 result[row : row + size] -= acceleration(start)[:size]
+        result[self.gear_rows] = -self.gears.values(q, 2) * v[self.gears.driver_indices] ** 2
         return result
 
     def gaps(self, model: Any, data: Any) -> Array:
@@ -253,7 +259,7 @@ class Constraints:
             first_path, second_path = (set(model.supports[end.joint]) for end in ends)
             for joint in first_path ^ second_path:
                 between[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]] = 1.0
-        coupled = self.gears.rows != 0.0  # a mimic joint moves as its driver does
+        coupled = self.gears.coupled  # a mimic joint moves as its driver does
         between[coupled[(coupled & (between > 0.0)).any(axis=1)].any(axis=0)] = 1.0
         free = between.copy()
         free[kept] = 0.0

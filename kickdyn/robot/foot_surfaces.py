@@ -15,10 +15,13 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.catalog import SIDE, SURFACES, add_contact_points, normal_cone
-from kickdyn.robot.ground_clearance import sphere_directions
+from kickdyn.robot.ground_clearance import find_unread, sphere_directions
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frames_by_name
-from kickdyn.robot.standing import joint_spheres
+from kickdyn.robot.standing import joint_bodies, joint_spheres
+
+LONGER = 1.2
+"""Width of a foot over its length above which the robot seems to face another axis than x."""
 
 PATCH_DEPTH = 5e-3
 """Depth under its tangent plane up to which a foot belongs to a surface [m]: a ball is pressed in
@@ -67,6 +70,7 @@ def kick_with(leg: Leg, surface: str | FootSurface) -> Leg:
         if surface not in SURFACES:
             raise InvalidInput(f"surface {surface!r} is unknown: choose {', '.join(SURFACES)}")
         surface = foot_surfaces(leg)[surface]
+        leg = _with_doubt(leg)
     model, (x, y, _) = leg.model, np.asarray(surface.normal)
     if surface.name not in frames_by_name(model):
         add_contact_points(model, leg.frame, {surface.name: surface.point})
@@ -89,21 +93,9 @@ def foot_surfaces(leg: Leg) -> dict[str, FootSurface]:
     Raises:
         InvalidInput: the foot has no shapes that span a volume.
     """
-    model, data = leg.workspace.model, leg.workspace.data
-    pin.forwardKinematics(model, data, leg.configuration())
+    hull, model, data = _foot_hull(leg), leg.workspace.model, leg.workspace.data
     pin.updateFramePlacements(model, data)
     origin, joint = data.oMf[leg.frame_id].translation.copy(), leg.contact_joint
-    spheres = joint_spheres(leg, joint).moved(data.oMi[joint].homogeneous)
-    round_ones = spheres.radii > 0.0
-    reach = spheres.radii[round_ones, None, None] * sphere_directions()
-    bulges = (spheres.centres[round_ones, None] + reach).reshape(-1, 3)
-    try:
-        hull = ConvexHull(np.vstack([spheres.centres, bulges]) - origin)
-    except (QhullError, ValueError):
-        raise InvalidInput(
-            f"the foot at {leg.frame} of {leg.name} has no shapes that span a volume: give the "
-            "surface, FootSurface(name, point, normal) (--frame FRAME:X,Y,Z:NX,NY,NZ)"
-        ) from None
     on_foot = {
         name: data.oMf[number].translation - origin
         for name, number in frames_by_name(model).items()
@@ -121,6 +113,44 @@ def foot_surfaces(leg: Leg) -> dict[str, FootSurface]:
         size = _size(hull, normals[1, 1])
         surfaces[name] = FootSurface(name, point, normals[1, 1], size, np.array([low, high]))
     return surfaces
+
+
+def _foot_hull(leg: Leg) -> ConvexHull:
+    """Return the hull of the foot's shapes while all joints are at 0, from the contact frame [m].
+
+    It runs the kinematics of the workspace. Raises `InvalidInput` if the shapes span no volume.
+    """
+    model, data, joint = leg.workspace.model, leg.workspace.data, leg.contact_joint
+    pin.forwardKinematics(model, data, leg.configuration())
+    origin = pin.updateFramePlacement(model, data, leg.frame_id).translation
+    spheres = joint_spheres(leg, joint).moved(data.oMi[joint].homogeneous)
+    round_ones = spheres.radii > 0.0
+    reach = spheres.radii[round_ones, None, None] * sphere_directions()
+    bulges = (spheres.centres[round_ones, None] + reach).reshape(-1, 3)
+    try:
+        return ConvexHull(np.vstack([spheres.centres, bulges]) - origin)
+    except (QhullError, ValueError):
+        unread = filter(None, (find_unread(leg, frame) for frame in joint_bodies(leg, joint)))
+        reason = next((f" ({why}; --package-dir names the folder of meshes)" for why in unread), "")
+        raise InvalidInput(
+            f"the foot at {leg.frame} of {leg.name} has no shapes that span a volume{reason}: give "
+            "the surface, FootSurface(name, point, normal) (--frame FRAME:X,Y,Z:NX,NY,NZ)"
+        ) from None
+
+
+def _with_doubt(leg: Leg) -> Leg:
+    """Return the leg with a warning if its foot is longer across than along x."""
+    if leg.file is None:
+        return leg
+    hull = _foot_hull(leg)
+    along, across = (hull.max_bound - hull.min_bound)[:2]
+    if across <= LONGER * along:
+        return leg
+    line = (
+        f"the foot is {along:.3g} m long along x and {across:.3g} m along y: a robot that faces y "
+        "or -y is turned by facing='y' or '-y' (--facing)"
+    )
+    return replace(leg, file=replace(leg.file, warnings=(*leg.file.warnings, line)))
 
 
 def _contact_point(hull: ConvexHull, normals: Array) -> Array:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 
 from kickdyn.core import validation
@@ -25,18 +26,26 @@ DEGREES_FACTOR = 10.0
 
 
 class Mimic(NamedTuple):
-    r"""A joint that moves with another, its driver: :math:`q = a\,q_\mathrm{driver} + b`.
+    r"""A joint that moves with another, its driver: :math:`q = b + a\,x + c_2 x^2 + c_3 x^3 ...`.
 
     Attributes:
-        joint, driver: names of joints of one degree of freedom with a range.
+        joint, driver: names of joints of one degree of freedom whose q is one number; x is the
+            driver's.
         multiplier: a [rad or m of the joint, per rad or m of the driver].
         offset: b [rad or m].
+        higher: :math:`c_2, c_3, ...`, as of the knee of a muscle model; empty for a gear or a belt.
     """
 
     joint: str
     driver: str
     multiplier: float
     offset: float
+    higher: tuple[float, ...] = ()
+
+    def value(self, x: Any, order: int = 0) -> Any:
+        """Return q at values x of the driver, or its derivative of an order by x."""
+        coefficients = np.array([self.offset, self.multiplier, *self.higher])
+        return polyval(x, polyder(coefficients, order))
 
 
 class Gears:
@@ -47,7 +56,7 @@ class Gears:
 
     Attributes:
         mimics: as given; no driver is a mimic joint itself.
-        rows: one row :math:`\dot q - a\,\dot q_\mathrm{driver} = 0` each, shape `(n, nv)`.
+        coupled: which joints each moves together, shape `(n, nv)`.
     """
 
     def __init__(self, model: Any, mimics: Sequence[Mimic]) -> None:
@@ -56,18 +65,28 @@ class Gears:
         pairs = [(names.index(m.joint), names.index(m.driver)) for m in self.mimics]
         self._places = [model.idx_qs[joint] for joint, _ in pairs]
         self._drivers = [model.idx_qs[driver] for _, driver in pairs]
-        self._multipliers = np.array([m.multiplier for m in self.mimics])
-        self._offsets = np.array([m.offset for m in self.mimics])
-        self.rows = np.zeros((len(pairs), model.nv))
-        for row, (joint, driver), mimic in zip(self.rows, pairs, self.mimics, strict=True):
-            row[model.idx_vs[joint]] = 1.0
-            row[model.idx_vs[driver]] -= mimic.multiplier
-        self.rows.setflags(write=False)
+        self.driver_indices = [model.idx_vs[driver] for _, driver in pairs]
+        self._indices = [model.idx_vs[joint] for joint, _ in pairs]
+        self.coupled = np.zeros((len(pairs), model.nv), dtype=bool)
+        numbers = range(len(pairs))
+        self.coupled[numbers, self._indices] = self.coupled[numbers, self.driver_indices] = True
+
+    def values(self, q: Array, order: int = 0) -> Array:
+        """Return where drivers at q put the joints, or its derivative of an order by the driver."""
+        driven = zip(self.mimics, q[self._drivers], strict=True)
+        return np.array([mimic.value(x, order) for mimic, x in driven])
+
+    def rows(self, q: Array) -> Array:
+        r"""Return a row :math:`\dot q - (dq/dx)\,\dot x = 0` for each joint, shape `(n, nv)`."""
+        rows, numbers = np.zeros(self.coupled.shape), range(len(self.mimics))
+        rows[numbers, self._indices] = 1.0
+        rows[numbers, self.driver_indices] -= self.values(q, 1)
+        return rows
 
     def follow(self, q: Array) -> Array:
         """Return q with the mimic joints where their drivers put them, shape `(nq,)`."""
         followed = np.array(q)
-        followed[self._places] = self._multipliers * q[self._drivers] + self._offsets
+        followed[self._places] = self.values(q)
         return followed
 
     def check(self, q: Array, named: Container[str] | None = None) -> Array:
@@ -330,16 +349,11 @@ class JointTable:
     def _values_to_lock(self, wanted: Mapping[str, float]) -> dict[str, float]:
         """Return the values of the joints that `wanted` names or matches [rad; m if prismatic].
 
-        Mimic joints are left out: they are locked with their drivers.
+        A mimic joint that a pattern matches follows its driver, if that is locked too.
         """
         values = self.expand_joint_names(wanted)
         for mimic in self.mimics:
-            if mimic.joint in values and mimic.driver not in values:
-                raise InvalidInput(
-                    f"joint {mimic.joint!r} mimics {mimic.driver!r}: lock that one, which locks "
-                    "both"
-                )
-            if mimic.joint not in wanted:
+            if mimic.driver in values and mimic.joint not in wanted:
                 values.pop(mimic.joint, None)
         if not isinstance(wanted, InDegrees):
             return values

@@ -27,7 +27,7 @@ from kickdyn.robot.human_body import human_leg
 from kickdyn.robot.joint_space import JointSpace
 from kickdyn.robot.joint_table import InDegrees
 from kickdyn.robot.leg_model import Drives, LegModel
-from kickdyn.robot.mjcf_file import MjcfFile, is_mjcf, read_mjcf
+from kickdyn.robot.mjcf_file import is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
     MAX_CONDITION,
@@ -35,9 +35,10 @@ from kickdyn.robot.model_validation import (
     check_model,
     cholesky_with_condition,
     condition,
+    facing_doubts,
     singularity_fault,
 )
-from kickdyn.robot.surgery import reduce_model
+from kickdyn.robot.surgery import reduce_model, turn_body
 from kickdyn.robot.urdf_file import build_model, check_base, read_urdf, shipped_urdf
 
 NO_DRIVES = (
@@ -146,6 +147,7 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
         locked: Mapping[str, float] | None = None,
         package_dirs: Iterable[str | PathLike[str]] = (),
         drives: Drives | bool = True,
+        facing: str = "x",
     ) -> "Leg":
         """Load a URDF file.
 
@@ -162,17 +164,20 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
                 `package://NAME/...`, searched before the folders around the file and of ROS.
             drives: rotors, which a URDF leaves out, and limits, as for `with_drives`; True and
                 False leave them out.
+            facing: axis along which the robot faces in the file: `x`, `y`, `-x` or `-y`. The base
+                is turned about z, so that the leg faces x.
 
         Raises:
             UrdfError: the file is refused, with all its faults in one message.
-            InvalidInput: there is no such frame, base, joint to lock or folder.
+            InvalidInput: there is no such frame, base, axis, joint to lock or folder.
         """
         urdf = read_urdf(path, package_dirs, validation.mapping("locked", locked))
-        leg = cls(build_model(urdf.text, urdf.source, base), frame, urdf)
+        model = _facing_x(build_model(urdf.text, urdf.source, base), facing)
+        leg = cls(model, frame, urdf)
         leg = leg._with_drives_of(drives).locked(locked or {})
         if fault := _find_fault(leg):
             raise UrdfError(urdf.source, [fault])
-        return leg
+        return leg._with_doubts()
 
     @classmethod
     def from_mjcf(
@@ -182,7 +187,9 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
         *,
         base: str = "fixed",
         locked: Mapping[str, float] | None = None,
+        package_dirs: Iterable[str | PathLike[str]] = (),
         drives: Drives | bool = True,
+        facing: str = "x",
     ) -> "Leg":
         """Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
 
@@ -193,7 +200,7 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
         out.
 
         Args:
-            path: the file. Included files and meshes lie in its folder or below.
+            path: the file.
             frame: body, site or geom whose origin touches the ball. Bodies that hang on another
                 root, such as objects of a scene, are left out; `Leg.warnings` names them.
             base: `fixed`, the root body welded to the world where the file places it, or
@@ -201,29 +208,30 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
                 none, as for `from_urdf`. Of other joints, q is MuJoCo's `qpos`, with quaternions
                 in the order xyzw.
             locked: joints to lock at their values, as for `from_urdf`.
+            package_dirs: further folders from which included files and meshes are read.
             drives: rotors and limits instead of the file's, as for `with_drives`; False
                 for no rotors.
+            facing: axis along which the robot faces in the file, as for `from_urdf`.
 
         Raises:
             MjcfError: the file is refused, or MuJoCo is not installed.
-            InvalidInput: there is no such frame, base or joint to lock.
+            InvalidInput: there is no such frame, base, axis, joint to lock or folder.
         """
-        return cls._from_mjcf(read_mjcf(path), frame, base, locked, drives)
-
-    @classmethod
-    def _from_mjcf(
-        cls,
-        file: MjcfFile,
-        frame: str,
-        base: str,
-        locked: Mapping[str, float] | None,
-        drives: Drives | bool,
-    ) -> "Leg":
+        file = read_mjcf(path, package_dirs)
         read, model, loops = build_mjcf_model(file, frame, base, locked)
-        leg = cls(model, frame, read)._with_drives_of(drives).locked(locked or {})
+        leg = (
+            cls(_facing_x(model, facing), frame, read)._with_drives_of(drives).locked(locked or {})
+        )
         if fault := _find_fault(leg):
             raise MjcfError(file.source, [fault])
-        return leg.with_loops(*loops)
+        return leg.with_loops(*loops)._with_doubts()
+
+    def _with_doubts(self) -> "Leg":
+        """Return the leg with a warning if the robot seems to face another axis than x."""
+        doubts = facing_doubts(self.workspace.model, self.contact_joint)
+        if not doubts or self.file is None:
+            return self
+        return replace(self, file=replace(self.file, warnings=(*self.file.warnings, *doubts)))
 
     @classmethod
     @validation.check_arguments
@@ -236,6 +244,7 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
         legs_only: bool = False,
         locked: Mapping[str, float] | None = None,
         drives: Drives | bool = True,
+        facing: str = "x",
     ) -> "Leg":
         """Load a robot by name.
 
@@ -258,6 +267,7 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
             locked: joints to lock at their values, as for `from_urdf`.
             drives: True for the drives of kickdyn's catalogue (g1, talos, the legs of icub, bolt)
                 or of an MJCF, False for no rotors, or other ones, as for `with_drives`.
+            facing: axis along which a robot of robot_descriptions faces, as for `from_urdf`.
 
         Raises:
             InvalidInput: no such robot, frame or base, the package is not installed, a download
@@ -268,17 +278,13 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
                 raise InvalidInput(f"legs_only is for {', '.join(ROBOTS)}: for {name}, use locked=")
             check_base(base)
             described, folders = find_description(name)
-            if is_mjcf(described):
-                read = read_mjcf(described, folders)
-                return cls._from_mjcf(read, frame or TOE, base, locked, drives)
-            return cls.from_urdf(
-                described,
-                frame or TOE,
-                base=base,
-                locked=locked,
-                package_dirs=folders,
-                drives=drives,
-            )
+            read = cls.from_mjcf if is_mjcf(described) else cls.from_urdf
+            return read(
+                described, frame or TOE, base=base, locked=locked, package_dirs=folders,
+                drives=drives, facing=facing,
+            )  # fmt: skip
+        if facing != "x":
+            raise InvalidInput(f"facing is {facing!r}: {name} faces x already")
         (file, model), (frame, cone) = read_robot(name, base), ROBOTS[name].contact(frame)
         leg = cls(model, frame, file, contact_normal_cone=cone)
         leg = leg._with_drives_of(drives, catalogued_drives(name)).locked(locked or {})
@@ -668,25 +674,28 @@ def read_leg(
     package_dirs: Sequence[str | PathLike[str]] = (),
     locked: Mapping[str, float] | None = None,
     drives: Drives | bool = True,
+    facing: str = "x",
 ) -> Leg:
     """Return the leg of a URDF or MJCF file, with joints `locked` at values in degrees or metres.
 
-    Its contact frame is `toe` where none is named.
-
-    Raises `InvalidInput` as `Leg.from_urdf` and `Leg.from_mjcf` do, and for `package_dirs` of an
-    MJCF.
+    Its contact frame is `toe` where none is named. Raises `InvalidInput` as `Leg.from_urdf` and
+    `Leg.from_mjcf` do.
     """
-    values, frame = InDegrees(locked or {}), frame or TOE
-    if not is_mjcf(path):
-        return Leg.from_urdf(
-            path, frame, base=base, package_dirs=package_dirs, locked=values, drives=drives
-        )
-    if package_dirs:
-        raise InvalidInput(
-            f"package-dir is {str(package_dirs[0])!r}: it is for URDF files; an MJCF file names "
-            "its meshes relative to its own folder"
-        )
-    return Leg.from_mjcf(path, frame, base=base, locked=values, drives=drives)
+    read = Leg.from_mjcf if is_mjcf(path) else Leg.from_urdf
+    return read(
+        path, frame or TOE, base=base, package_dirs=package_dirs, locked=InDegrees(locked or {}),
+        drives=drives, facing=facing,
+    )  # fmt: skip
+
+
+def _facing_x(model: Any, facing: str) -> Any:
+    """Return a model turned about z, so that what faces an axis of its file faces x."""
+    axes = {"x": 0.0, "y": 0.5 * math.pi, "-x": math.pi, "-y": -0.5 * math.pi}
+    if facing not in axes:
+        raise InvalidInput(f"facing is {facing!r}: it must be {', '.join(axes)}")
+    if facing == "x":
+        return model
+    return turn_body(model, 0, np.round(pin.utils.rotate("z", -axes[facing])))
 
 
 def _find_fault(leg: Leg) -> str:

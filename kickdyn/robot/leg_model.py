@@ -112,20 +112,25 @@ class LegModel(JointTable):
     def locked(self, joints: Mapping[str, float]) -> Self:
         """Return the leg with joints locked at their values [rad; m for prismatic joints].
 
-        Names may be patterns, as for `from_urdf`. Raises `InvalidInput` for an unknown joint, a
-        value that is not finite or outside the joint's range, or if no joint moves the foot.
+        Names may be patterns, as for `from_urdf`. Joints that mimic a locked joint are locked where
+        it puts them, unless they are named with a value of their own. Raises `InvalidInput` for an
+        unknown joint, a value that is not finite or outside the joint's range, or if no joint moves
+        the foot.
         """
         if not validation.mapping("joints", joints):
             return self
-        values = self._values_to_lock(joints)
-        q = self.configuration(values)
-        for line in self.outside_range(q):
+        values, leg = self._values_to_lock(joints), self
+        if self.file is not None:  # a mimic joint that is locked itself follows no driver
+            mimics = tuple(mimic for mimic in self.file.mimics if mimic.joint not in values)
+            leg = replace(self, file=replace(self.file, mimics=mimics))
+        q = leg.configuration(values)
+        for line in leg.outside_range(q):
             if any(line.startswith(f"{joint} at ") for joint in values):
                 raise InvalidInput(f"{line}: it cannot be locked there")
-        fixed = {*values, *(mimic.joint for mimic in self.mimics if mimic.driver in values)}
+        fixed = {*values, *(mimic.joint for mimic in leg.mimics if mimic.driver in values)}
         if len(fixed) == len(self.joint_names):
             raise InvalidInput(f"all joints of {self.name} are locked: a kick must move one")
-        return self.with_model(reduce_model(self._model, fixed, q))
+        return leg.with_model(reduce_model(self._model, fixed, q))
 
     def with_armature(self, rotors: Mapping[str, float]) -> Self:
         """Return the leg with rotors behind its joints, in place of those that it had.

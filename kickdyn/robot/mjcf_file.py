@@ -19,7 +19,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.names import name_fault
-from kickdyn.robot.package_files import MAX_DEPTH, PackageFiles, read_xml
+from kickdyn.robot.package_files import MAX_DEPTH, PackageFiles, list_folders, read_xml
 from kickdyn.robot.urdf_file import MAX_MOVING_JOINTS
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
@@ -35,8 +35,7 @@ SECTIONS = ("compiler", "option", "default", "asset", "worldbody", "equality", "
 """
 
 REFUSED = {
-    "extension": "plugins",
-    "plugin": "plugins",
+    "plugin": "plugins of bodies and shapes",
     "composite": "composite bodies",
     "flexcomp": "flexible bodies",
     "deformable": "flexible bodies",
@@ -53,6 +52,9 @@ _SHAPES = {
     7: Shape.MESH,
 }
 """By MuJoCo's `geom_type`; planes and terrain are not drawn."""
+
+_TRANSMISSION = ("name", "joint", "jointinparent", "tendon", "site", "body", "gear", "forcerange")
+"""Attributes of an actuator that say what it acts on, and with what force at most."""
 
 _UNUSED = ("camera", "light", "texture", "hfield", "skin", "layer", "model")
 """Elements that only a picture, the terrain or another model needs."""
@@ -89,7 +91,8 @@ class MjcfFile(RobotFile):
         except Exception as error:  # ValueError; FatalError of a later stage
             lines = [line.strip() for line in str(error).splitlines() if line.strip()]
             reason = " ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")[:300]
-            raise MjcfError(self.source, [f"MuJoCo cannot read it: {reason}"]) from None
+            line = f"MuJoCo refuses its bodies, joints, tendons and actuators: {reason}"
+            raise MjcfError(self.source, [line]) from None
         if model.njnt > MAX_MOVING_JOINTS:
             line = f"has {model.njnt} joints: at most {MAX_MOVING_JOINTS} are read"
             raise MjcfError(self.source, [line])
@@ -190,11 +193,12 @@ def is_mjcf(path: str | PathLike[str]) -> bool:
         return Path(path).suffix.lower() in (".xml", ".mjcf")
 
 
-def read_mjcf(path: str | PathLike[str], folders: Iterable[Path] = ()) -> MjcfFile:
+def read_mjcf(
+    path: str | PathLike[str], package_dirs: Iterable[str | PathLike[str]] = ()
+) -> MjcfFile:
     """Read and check an MJCF file, the files that it includes, and its meshes.
 
-    Included files and meshes are read only below the file's own folder, or the ROS package that
-    it belongs to, and below `folders`.
+    Included files and meshes are read from where `PackageFiles` reads them.
 
     Raises:
         MjcfError: with the first fault of the file.
@@ -205,7 +209,7 @@ def read_mjcf(path: str | PathLike[str], folders: Iterable[Path] = ()) -> MjcfFi
     except TypeError:
         raise InvalidInput(f"MJCF path is {path!r}: it must be a str or a Path") from None
     try:
-        return _checked_file(file, source, folders)
+        return _checked_file(file, source, list_folders(package_dirs))
     except MjcfError:
         raise
     except ValueError as fault:
@@ -286,6 +290,10 @@ def _keep_mechanics(root: Element) -> None:
     for section in list(root):
         if section.tag not in (*REFUSED, *SECTIONS):
             root.remove(section)
+    for plugin in root.iterfind("actuator/plugin"):  # what it exerts is not known
+        plugin.tag, plugin[:] = "general", []
+        for key in set(plugin.attrib) - set(_TRANSMISSION):
+            del plugin.attrib[key]
     for element in root.iter():
         if element.tag in REFUSED:
             raise ValueError(f"has <{element.tag}>: {REFUSED[element.tag]} are not read")
@@ -294,12 +302,14 @@ def _keep_mechanics(root: Element) -> None:
                 element.remove(child)
         if element.tag == "material":
             element.attrib.pop("texture", None)
-        elif element.tag == "geom":
-            element.attrib.update(contype="0", conaffinity="0")
-        if element.tag == "mesh":
+        elif element.tag == "mesh":
             element.attrib.pop("content_type", None)
-        if element.tag != "asset":
-            for child in element:
+        elif element.tag == "flag":
+            element.attrib.pop("sensornoise", None)  # MuJoCo has no such flag any more
+        for child in element:
+            if child.tag == "geom" and element.tag != "spatial":  # a tendon only names its geoms
+                child.attrib.update(contype="0", conaffinity="0")
+            if element.tag != "asset":
                 child.attrib.pop("file", None)
     for compiler in root.iter("compiler"):
         compiler.attrib.pop("texturedir", None)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.polynomial import Polynomial
 
 from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
@@ -113,8 +114,9 @@ class _Builder:
         self.locked = expand_patterns(dict.fromkeys(locked, 0.0), sorted(self.taken))
         self._check_one_base()
         self.loops: list[tuple[str, str]] = []
-        self.mimics: list[Mimic] = []
+        self._couplings: dict[str, tuple[str, Polynomial]] = {}
         self._add_constraints()
+        self.mimics = [self._mimic(joint) for joint in self._couplings]
 
     def _place(self, joint: int, position: Array, rotation: Array) -> Any:
         """Return a pose in the world as seen from a joint."""
@@ -262,31 +264,42 @@ class _Builder:
                     offset = np.zeros(3) if sites else values[3 * k : 3 * k + 3]
                     anchor = seen.xpos + seen.xmat.reshape(3, 3) @ offset
                     self._add_frame(f"{name}_{k + 1}", body, anchor, seen.xmat)
-            elif (
-                kind == mujoco.mjtEq.mjEQ_JOINT and len(robot_bodies) == 2 and not values[2:5].any()
-            ):
-                self._add_mimic(first, second, float(values[0]), float(values[1]))
+            elif kind == mujoco.mjtEq.mjEQ_JOINT and len(robot_bodies) == 2:
+                self._couple(first, second, Polynomial(values[:5]))
             else:
                 what = kind.name.removeprefix("mjEQ_").lower()
                 remedy = "lock its joints (locked=, --lock), " if "joint" in what else ""
                 raise InvalidInput(
                     f"equality constraint {name!r} ({what}) is not read: only <connect> of two "
-                    "bodies of the robot and <joint> with two joints and a linear polycoef are; "
+                    "bodies of the robot and <joint> with two joints are; "
                     f'{remedy}remove it, or set active="false"'
                 )
 
-    def _add_mimic(self, first: int, second: int, offset: float, multiplier: float) -> None:
+    def _couple(self, first: int, second: int, polynomial: Polynomial) -> None:
         """Let a joint follow another one; both count from their `ref` in MuJoCo."""
         start, address = self.compiled.qpos0, self.compiled.jnt_qposadr
         joint, driver = (str(self.compiled.joint(number).name) for number in (first, second))
-        taken = {name for mimic in self.mimics for name in (mimic.joint, mimic.driver)}
-        if not joint or not driver or joint in taken or driver in {m.joint for m in self.mimics}:
+        if not joint or not driver or joint in self._couplings:
             raise InvalidInput(
-                f"joint {joint!r} mimics {driver!r}: both must have a name, and no third joint may "
-                "mimic one that mimics another; lock them (locked=, --lock)"
+                f"joint {joint!r} mimics {driver!r}: both must have a name, and a joint can mimic "
+                "one; lock them (locked=, --lock)"
             )
-        offset += float(start[address[first]]) - multiplier * float(start[address[second]])
-        self.mimics.append(Mimic(joint, driver, multiplier, offset))
+        since_ref = Polynomial([-float(start[address[second]]), 1.0])
+        self._couplings[joint] = driver, polynomial(since_ref) + float(start[address[first]])
+
+    def _mimic(self, joint: str) -> Mimic:
+        """Return a joint with the driver that mimics none, and the polynomial of its q."""
+        driver, polynomial = self._couplings[joint]
+        passed = {joint}
+        while driver in self._couplings:
+            if driver in passed:
+                raise InvalidInput(f"joints {', '.join(sorted(passed))} mimic each other in a loop")
+            passed.add(driver)
+            driver, of_driver = self._couplings[driver]
+            polynomial = polynomial(of_driver)
+        coefficients = np.trim_zeros(polynomial.coef, "b").tolist()
+        offset, multiplier, *higher = coefficients + [0.0] * (2 - len(coefficients))
+        return Mimic(joint, driver, multiplier, offset, tuple(higher))
 
 
 def _pose(position: Array, rotation: Array) -> Any:

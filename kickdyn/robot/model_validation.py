@@ -264,3 +264,28 @@ def find_singular_joints(model: Any, inertia: Array) -> list[str]:
         for joint in range(1, model.njoints)
         if singular[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]].any()
     ]
+
+
+def facing_doubts(model: Any, contact_joint: int) -> tuple[str, ...]:
+    """Return a line if the feet of a robot are apart along x, so that it does not face x.
+
+    While all joints are at 0, the other foot is the end of a limb, at the height of the first one.
+    """
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    places = np.array([placement.translation for placement in data.oMi])
+    ends = set(range(1, model.njoints)) - set(model.parents) - set(model.supports[contact_joint])
+    feet = [
+        end
+        for end in ends
+        if contact_joint not in model.supports[end]
+        and abs(places[end, 2] - places[contact_joint, 2]) < 0.05 * np.ptp(places[1:, 2])
+    ]
+    for end in feet:
+        along, across = np.abs(places[end] - places[contact_joint])[:2]
+        if along > 2.0 * across:
+            return (
+                f"the ends of two limbs are {along:.3g} m apart along x: a robot whose feet these "
+                "are faces y or -y; facing='y' or '-y' (--facing) turns its base",
+            )
+    return ()

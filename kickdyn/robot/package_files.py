@@ -3,7 +3,8 @@
 A page contains the meshes that it shows, and is passed on; the robot's file may come from anyone.
 So one rule holds for all of them: a file is read if its real path, links followed, lies in a
 package that contains the robot's file (in its folder, if no package does), or in a folder that the
-user or ROS names.
+user or ROS names. Without a package, meshes are read from folders beside the robot's, too, as from
+`meshes/` beside `urdf/`.
 """
 
 import os
@@ -17,6 +18,7 @@ from defusedxml import DefusedXmlException, DTDForbidden
 from defusedxml.ElementTree import fromstring
 
 from kickdyn.core.files import check_file, read_text
+from kickdyn.core.validation import brief
 from kickdyn.errors import FaultyFile, InvalidInput
 
 MAX_BYTES = 5_000_000
@@ -73,6 +75,17 @@ def parse_xml(text: str) -> Element:
         if depth > MAX_DEPTH:
             raise ValueError(f"nests tags deeper than {MAX_DEPTH}")
     return root
+
+
+def list_folders(package_dirs: Iterable[str | os.PathLike[str]]) -> tuple[Path, ...]:
+    """Return folders by their real paths; raise `InvalidInput` where there is none."""
+    if isinstance(package_dirs, str | os.PathLike) or not isinstance(package_dirs, Iterable):
+        raise InvalidInput(f"package_dirs is {package_dirs!r}: it must be a list of folders")
+    folders = tuple(package_dirs)
+    for folder in folders:
+        if not isinstance(folder, str | os.PathLike) or not os.path.isdir(folder):  # noqa: PTH112
+            raise InvalidInput(f"package_dirs names {brief(str(folder))}: there is no such folder")
+    return tuple(Path(folder).resolve() for folder in folders)
 
 
 class PackageFiles:
@@ -140,17 +153,19 @@ class PackageFiles:
     def _first(self, name: str, what: str, paths: list[Path], package: Path | None = None) -> Path:
         """Return the real path of the first file that exists, if all may be read."""
         roots = [*(self._packages or [package or self._folder]), *self._dirs, *self._ros]
+        beside = self._folder.parent if what == "mesh" and not self._packages else None
         try:
             real = [path.resolve() for path in paths]
             present = [path for path in real if path.exists()]
         except (OSError, ValueError, RuntimeError) as error:  # links in a circle, a NUL
             raise InvalidInput(f"{what} {name!r} cannot be found ({error})") from None
-        if not all(any(path.is_relative_to(root) for root in roots) for path in real):
-            raise InvalidInput(
-                f"{what} {name!r} is refused: it lies outside {roots[0]}, the folder or ROS "
-                "package of the robot's file; for a URDF, package_dirs= or --package-dir names its "
-                "folder"
-            )
+        for path in real:
+            is_beside = beside is not None and beside in path.parent.parents
+            if not is_beside and not any(path.is_relative_to(root) for root in roots):
+                raise InvalidInput(
+                    f"{what} {name!r} is refused: it lies outside {roots[0]}, the folder or ROS "
+                    "package of the robot's file; package_dirs= or --package-dir names its folder"
+                )
         if not present:
             raise MissingFile(f"{what} {name!r} is missing from {roots[0]}")
         return present[0]

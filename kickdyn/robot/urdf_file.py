@@ -8,6 +8,7 @@ what it reports; `model_validation` then judges the inertia of what moves togeth
 import io
 import math
 import os
+import sys
 import tempfile
 import threading
 from collections import Counter
@@ -27,12 +28,11 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.core.files import shipped
-from kickdyn.core.validation import brief
 from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.joint_table import Mimic
 from kickdyn.robot.model_validation import ROUNDING, second_moments
 from kickdyn.robot.names import expand_patterns, listed, name_fault
-from kickdyn.robot.package_files import read_xml
+from kickdyn.robot.package_files import list_folders, read_xml
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 MAX_LINKS = 3000
@@ -42,6 +42,12 @@ MAX_MOVING_JOINTS = 250
 """Pinocchio's workspace takes about 32 n^3 bytes: 0.5 GB here."""
 
 MOVING = ("revolute", "continuous", "prismatic")
+
+NO_LIMIT = repr(sys.float_info.max)
+"""Limit of effort, velocity or range that means none: the parser refuses inf."""
+
+XACRO = "{http://www.ros.org/wiki/xacro}"
+"""Namespace of the macros of xacro, as ElementTree writes it before their names."""
 
 
 class UrdfFile(RobotFile):
@@ -102,9 +108,15 @@ def read_urdf(
         file, source = Path(path), str(path)
     except TypeError:
         raise InvalidInput(f"URDF path is {path!r}: it must be a str or a Path") from None
-    root, folders = read_xml(file, source, UrdfError), tuple(_folders(package_dirs))
+    root, folders = read_xml(file, source, UrdfError), list_folders(package_dirs)
     if faults := find_faults(root, locked):
         raise UrdfError(source, faults)
+    warnings = find_irregularities(root)
+    if unlimited := _remove_limits(root):
+        warnings.append(
+            f"joints with an effort or velocity of 0, below, or inf ({listed(unlimited, 3)}): "
+            "taken as no limit"
+        )
     # Written anew, so that Pinocchio's parser reads exactly what was checked: by itself it keeps
     # line ends inside a name, for one.
     text = ElementTree.tostring(root, encoding="unicode")
@@ -114,17 +126,32 @@ def read_urdf(
         source,
         package_dirs=folders,
         mimics=read_mimics(root),
-        warnings=tuple(find_irregularities(root)),
+        warnings=tuple(warnings),
     )
 
 
-def _folders(package_dirs: Iterable[str | PathLike[str]]) -> Iterator[Path]:
-    if isinstance(package_dirs, str | PathLike) or not isinstance(package_dirs, Iterable):
-        raise InvalidInput(f"package_dirs is {package_dirs!r}: it must be a list of folders")
-    for folder in package_dirs:
-        if not isinstance(folder, str | PathLike) or not os.path.isdir(folder):  # noqa: PTH112
-            raise InvalidInput(f"package_dirs names {brief(str(folder))}: there is no such folder")
-        yield Path(folder).resolve()
+def _remove_limits(root: Element) -> list[str]:
+    """Give joints the number that means no limit; return those with an effort or velocity of none.
+
+    A continuous joint that mimics another, or is mimicked, becomes a revolute joint without a
+    range, whose q is its angle, because cosine and sine do not tell one turn from the next.
+    """
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    drivers, unlimited = _drivers(joints), []
+    for name, joint in joints.items():
+        for limit in joint.findall("limit"):
+            for key in ("effort", "velocity"):
+                number = _number(limit.get(key, "1"))
+                if number <= 0.0 or number == math.inf:
+                    limit.set(key, NO_LIMIT)
+                    unlimited.append(name)
+        if joint.get("type") == "continuous" and name in {*drivers, *drivers.values()}:
+            joint.set("type", "revolute")
+            limits = joint.findall("limit")
+            limit = limits[0] if limits else ElementTree.SubElement(joint, "limit")
+            given = {"effort": NO_LIMIT, "velocity": NO_LIMIT, **limit.attrib}
+            limit.attrib.update(given, lower=f"-{NO_LIMIT}", upper=NO_LIMIT)
+    return list(dict.fromkeys(unlimited))
 
 
 def build_model(text: str, source: str, base: str) -> Any:
@@ -154,6 +181,9 @@ def build_model(text: str, source: str, base: str) -> Any:
         raise UrdfError(source, ["Pinocchio complains", *complaints])
     if model.nv == 0:
         raise UrdfError(source, ["has no moving joint"])
+    for limits in (model.lowerPositionLimit, model.upperPositionLimit):
+        unlimited = np.abs(limits) == sys.float_info.max
+        limits[unlimited] = np.copysign(math.inf, limits[unlimited])
     return model
 
 
@@ -209,6 +239,8 @@ def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
         return ["is an MJCF, its root is <mujoco>: Leg.from_mjcf reads it"]
     if root.tag != "robot":
         return [f"is not a URDF: its root is <{root.tag}>, not <robot>"]
+    if any(element.tag.startswith(XACRO) for element in root.iter()):
+        return ["is a xacro file: expand it with `xacro FILE > robot.urdf`, and read the result"]
     faults: list[str] = []
     _name(root, "robot", faults)
     links = _named(root, "link", faults)
@@ -230,8 +262,9 @@ def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
     for name, joint in joints.items():
         _check_joint(f"joint {name!r}", joint, faults)
     _check_tree(links, joints, faults)
-    fixed = expand_patterns(dict.fromkeys(locked, 0.0), joints)
-    _check_mimics({n: j for n, j in joints.items() if n not in fixed}, joints, faults)
+    fixed, drivers = expand_patterns(dict.fromkeys(locked, 0.0), joints), _drivers(joints)
+    judged = {n: j for n, j in joints.items() if not fixed.keys() & {n, drivers.get(n)}}
+    _check_mimics(judged, joints, faults)
     return faults
 
 
@@ -304,10 +337,6 @@ def _check_joint(where: str, joint: Element, faults: list[str]) -> None:
     _check_single(where, joint, ("origin", "parent", "child", "axis", "limit", "mimic"), faults)
     if kind not in (*MOVING, "fixed"):
         faults.append(f"{where} type is {kind[:40]!r}: it must be {', '.join(MOVING)} or fixed")
-    for limit in joint.findall("limit"):
-        for key in ("effort", "velocity"):
-            if limit.get(key, "").strip().startswith("-"):
-                faults.append(f"{where} {key} is {limit.get(key)!r}: it must be 0 or more")
     axis = joint.find("axis")
     if axis is None or kind == "fixed":
         return
@@ -328,7 +357,7 @@ def _number(text: str) -> float:
 def _check_mimics(
     judged: dict[str, Element], joints: dict[str, Element], faults: list[str]
 ) -> None:
-    """Check that the judged joints mimic others with a range, and no two of them each other."""
+    """Check that the judged joints mimic others that move, and no two of them each other."""
     drivers = _drivers(joints)
     for name, driver in drivers.items():
         if name not in judged:
@@ -347,11 +376,8 @@ def _check_mimics(
                 f"joint {name!r} mimics {driver[:40]!r}, and there is no such joint: {hint}, or "
                 + remedy
             )
-        elif "continuous" in (kind, joints[name].get("type")) or kind == "fixed":
-            faults.append(
-                f"joint {name!r} mimics {driver!r}: both must be revolute or prismatic, for a "
-                f"continuous joint's angle is known but for whole turns; {remedy}"
-            )
+        elif kind == "fixed":
+            faults.append(f"joint {name!r} mimics {driver!r}, which is fixed: {remedy}")
     if cycle := _find_cycle(drivers):
         faults.append(f"joints {cycle} mimic each other in a loop")
 

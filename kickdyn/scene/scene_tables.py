@@ -117,6 +117,7 @@ class LegTable:
     frame: str | None = None
     base: str = "fixed"
     package_dirs: tuple[str, ...] = ()
+    facing: str = "x"
     legs_only: bool = False
     locked: Mapping[str, float] = field(default_factory=dict)
     supports: tuple[str | Mapping[str, Any], ...] = ()
@@ -138,7 +139,7 @@ class LegTable:
         if self.model is not None:
             file = shipped_urdf(f"leg_{self.model}.urdf")
         packages = [folder / str(package) for package in self.package_dirs]
-        options |= {"package_dirs": packages, "locked": self.locked}
+        options |= {"package_dirs": packages, "locked": self.locked, "facing": self.facing}
         return load_with_surface(self.frame, partial(read_leg, file, **options))
 
     def change(self, leg: Leg) -> Leg:
@@ -279,6 +280,8 @@ TABLES = (
             "whether the root of the robot is fixed, as without this key, or moves freely"),
         Key("package_dirs", "package_dirs", "list of names", "folders in which the meshes of "
             "`file` are looked for, relative to the scene", _check_list, needs=("file",)),
+        Key("facing", "facing", ("x", "y", "-x", "-y"), "axis along which the robot of `file` "
+            "faces; without it `x`", needs=("file",)),
         Key("legs_only", "legs_only", "`true` or `false`", "whether to lock all joints of a "
             "`robot` except its legs; without it `false`",
             partial(validation.flag, "value"), needs=("robot",)),

@@ -70,7 +70,7 @@ class Grid:
         for name in leg.single_joints:
             with _collected(faults):
                 if mimic := drivers.get(name):
-                    moved = mimic.multiplier * axes.get(mimic.driver, still) + mimic.offset
+                    moved = mimic.value(axes.get(mimic.driver, still))
                     _check_range(leg, name, moved, f"moved by {mimic.driver}, which it mimics, to")
                 elif name not in postures:
                     _check_range(leg, name, still, "not named, so at")

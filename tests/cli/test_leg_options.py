@@ -165,7 +165,8 @@ def test_joints_of_an_mjcf_are_locked_before_it_is_judged(name, tmp_path):
         ([*BOLT, "--support", "tow"], "'tow'", "FL_FOOT"),
         (["--leg", "hunam"], "'hunam'", "human, testbed"),
         (["--leg", "human:height=x"], "'height=x'", "height=METRES"),
-        (["--package-dir", "/", "--leg", "g1"], "'/'", "URDF"),
+        (["--package-dir", "/", "--leg", "g1"], "'/'", "a file"),
+        (["--facing", "y", "--leg", "g1"], "'y'", "faces x"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )  # fmt: skip

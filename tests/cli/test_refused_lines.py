@@ -26,7 +26,7 @@ REFUSED = [
     (f"{SWEEP} --leg missing", "'missing'", "testbed, g1"),
     (f"{SWEEP} --leg {LONG}", "xxx...xxx", "testbed"),
     (f"{SWEEP} --frame nose", "'nose'", "toe"),
-    (f"{SWEEP} --package-dir .", "URDF", "human"),
+    (f"{SWEEP} --package-dir .", "a file", "human"),
     # grid and condition
     (f"{SWEEP} --joint nose=1", "'nose'", "hip, knee, ankle"),
     (f"{SWEEP} --joint hip=5", "'hip'", "twice"),

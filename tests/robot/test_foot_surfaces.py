@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from tolerances import closed_form
+from tolerances import agrees, closed_form
 
 import kickdyn as kd
 from kickdyn.cli.leg_options import load_leg
 from kickdyn.robot.catalog import ROBOTS, SURFACES
 from kickdyn.robot.foot_surfaces import load_with_surface
+from kickdyn.robot.urdf_file import shipped_urdf
 
 LINK = """<link name="{}"><inertial><mass value="2"/><inertia ixx="0.01" iyy="0.01" izz="0.01"
 ixy="0" ixz="0" iyz="0"/></inertial>{}</link>"""
@@ -108,3 +109,24 @@ def test_bad_surfaces_are_refused(tmp_path, text, said):
     source = box_foot(tmp_path).file.source
     with pytest.raises(kd.InvalidInput, match=f"^[^\n]*{said}[^\n]*$"):
         load_with_surface(text, lambda frame: load_leg(source, frame))
+
+
+@pytest.mark.parametrize(("facing", "yaw"), [("y", 90), ("-x", 180), ("-y", -90)])
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+def test_a_robot_that_faces_another_axis_is_turned(tmp_path, facing, yaw, base):
+    """It then moves as one that faces x in its file; where it is not turned, a line says so."""
+    text, turned = shipped_urdf("biped.urdf").read_text(), tmp_path / "turned.urdf"
+    root = f'<origin rpy="0 0 {np.radians(yaw)}"/><parent link="file"/><child link="trunk"/>'
+    mount = f'<link name="file"/><joint name="mount" type="fixed">{root}</joint></robot>'
+    turned.write_text(text.replace("</robot>", mount))
+    right = kd.Leg.from_urdf(shipped_urdf("biped.urdf"), "right_foot", base=base)
+    leg = kd.Leg.from_urdf(turned, "right_foot", base=base, facing=facing)
+    assert leg.warnings[:-1] == right.warnings  # the last one is about drives
+    q = right.configuration(dict.fromkeys(right.single_joints, 0.3))
+    agrees(leg.posture(q).delassus(), right.posture(q).delassus(), closed_form(100))
+    agrees(leg.posture(q).contact_point, right.posture(q).contact_point, closed_form(10))
+    seen = kd.foot_surfaces(leg)["toe"]
+    assert seen.point == pytest.approx(kd.foot_surfaces(right)["toe"].point, abs=closed_form(100))
+    ignored = kd.kick_with(kd.Leg.from_urdf(turned, "right_foot", base=base), "toe")
+    said = sum("(--facing)" in line for line in ignored.warnings)
+    assert said == (0 if facing == "-x" else 2)  # feet apart along x, and longer across

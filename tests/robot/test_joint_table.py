@@ -245,20 +245,38 @@ def test_locking_the_driver_locks_both(spoil, tmp_path):
     unlocked = leg.locked({"extra": 0.1})
     assert (unlocked.joint_names, unlocked.mimics) == (("hip", "knee"), leg.mimics)
     alone = pin.buildReducedModel(leg.model, [1], pin.neutral(leg.model))
-    for refused, said in (
-        (lambda: leg.locked({"knee": 0.1}), "'knee' mimics 'hip'"),
-        (lambda: kd.Leg.from_urdf(path, "end", locked={"knee": 0.1}), "'knee' mimics 'hip'"),
-        (lambda: leg.with_model(alone), "both or"),
-    ):
-        with pytest.raises(kd.InvalidInput, match=said):
-            refused()
+    with pytest.raises(kd.InvalidInput, match="both or"):
+        leg.with_model(alone)
+
+
+@pytest.mark.parametrize("driver", ["revolute", "continuous"])
+@pytest.mark.parametrize("kind", ["revolute", "continuous"])
+def test_any_joint_of_a_gear_can_be_locked(spoil, tmp_path, driver, kind):
+    """A joint that is named is locked where it says, another one where its driver puts it."""
+    path, more = tmp_path / "two.urdf", END.format("revolute", "")
+    path.write_text(spoil().replace("</robot>", more))
+    plain = kd.Leg.from_urdf(path, "end")
+    text = with_gear(spoil).replace("</robot>", more)
+    for name, other in (("hip", driver), ("knee", kind)):
+        text = text.replace(f'"{name}" type="revolute"', f'"{name}" type="{other}"')
+    path.write_text(text)
+    leg = kd.Leg.from_urdf(path, "end")
+    for locked, hip, knee in (
+        ({}, 0.6, -0.1), ({"knee": 0.1}, 0.6, 0.1), ({"hip": 0.6}, 0.6, -0.1),
+        ({"hip": 0.6, "knee": 0.0}, 0.6, 0.0),
+    ):  # fmt: skip
+        for one in (kd.Leg.from_urdf(path, "end", locked=locked), leg.locked(locked)):
+            free = {} if "hip" in locked else {"hip": hip}
+            tip = one.posture(one.configuration(free)).contact_point
+            right = plain.posture([hip, knee, 0.0]).contact_point
+            assert tip == pytest.approx(right, abs=closed_form())
 
 
 @pytest.mark.parametrize(("gear", "said"), [
     ('<mimic joint="?"/>', r"'knee' mimics '\?'.*no such joint"),
     ('<mimic joint="hi"/>', "'hip'.*locked="), ("<mimic/>", "'knee' mimics ''"),
     ('<mimic joint="knee"/>', "knee mimic each other in a loop"),
-    ('<mimic joint="tip"/>', "'tip': both must be revolute or prismatic"),
+    ('<mimic joint="tip"/>', "'tip', which is fixed: lock"),
     ('<mimic joint="hip" multiplier="x"/>', "multiplier is 'x'"),
     ('<mimic joint="hip" offset="inf"/>', "offset is 'inf'"),
     (GEAR + GEAR, "'knee' has 2 of <mimic>")])  # fmt: skip

@@ -34,7 +34,7 @@ BAD = {
     "empty": ("", "is empty"),
     "a URDF": ('<robot name="r"/>', "Leg.from_urdf"),
     "composite": (MODEL.replace("</w", "<composite/></w"), "<composite>"),
-    "plugins": (MODEL.replace("<w", "<extension/><w"), "<extension>"),
+    "plugins": (MODEL.replace("<geom", "<plugin/><geom"), "<plugin>"),
     "universe": (MODEL.replace('"arm"', '"universe"'), "body name 'universe'"),
     "line end": (MODEL.replace('"arm"', '"a&#10;b"'), r"body name 'a\\nb' .*printable"),
     "model line end": (MODEL.replace("<mujoco", '<mujoco model="a&#10;b"'), "mujoco model"),
@@ -42,7 +42,7 @@ BAD = {
         MODEL.replace(BODY, 3 * '<replicate count="99">' + BODY + 3 * "</replicate>"),
         "[0-9]+ elements",
     ),
-    "nan": (MODEL.replace('"0.1"', '"nan"'), "MuJoCo cannot read it"),
+    "nan": (MODEL.replace('"0.1"', '"nan"'), "MuJoCo refuses"),
     "a huge size": (MODEL.replace('"0.1"', '"1e80"'), "'arm' has a mass, moment or position"),
 }
 

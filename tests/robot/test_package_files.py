@@ -52,6 +52,14 @@ def test_names_in_the_robots_package(robot, name, file):
     assert path == robot / file
 
 
+def test_meshes_beside_the_folder_of_a_robot_without_a_package(tmp_path):
+    files = PackageFiles(touch(tmp_path, "urdf/robot.urdf", "meshes/a.stl", "b.stl") / "urdf")
+    assert files.find("../meshes/a.stl") == tmp_path / "meshes/a.stl"
+    for name, what in (("../b.stl", "mesh"), ("../../a.stl", "mesh"), ("../meshes/a.stl", "file")):
+        with pytest.raises(kd.InvalidInput, match="lies outside"):
+            files.find(name, what)
+
+
 @pytest.mark.parametrize(
     "name",
     [

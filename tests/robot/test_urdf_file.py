@@ -1,6 +1,7 @@
 """Every bad robot we know of: refused by a line that names the culprit, or taken on purpose."""
 
 import html
+import math
 import os
 import re
 from pathlib import Path
@@ -114,10 +115,10 @@ REFUSED = [
       for kind in ("hinge", "", "planar", "floating")),
     (LIMIT, "", "knee.*limits"),
     *((LIMIT, re.sub(f'{key}="[^"]*"', f'{key}="{value}"', LIMIT), rf"knee.*{key} value \({value}")
-      for key in ("lower", "upper", "effort", "velocity") for value in ("", "80 Nm", "inf", "nan")),
+      for key in ("lower", "upper", "effort", "velocity") for value in ("", "80 Nm", "nan")),
     ('effort="80"', "", "knee.*no effort"),
     ('upper="2.5"', 'upper="-1"', "lower must not exceed upper"),
-    ('effort="80"', 'effort="-80"', "'knee' effort is '-80'"),
+    ("<link", '<x:property xmlns:x="http://www.ros.org/wiki/xacro"/><link', "xacro FILE"),
     *((AXIS, f'<axis xyz="{xyz}"/>', f"'knee' axis is '{xyz}'")
       for xyz in ("0 0 0", "0 nan 0", "0 1", "", "0 1e-200 0", "0 1e200 0")),
     # names
@@ -181,7 +182,9 @@ TOE = '<link name="toe"/>'
     ((TOE, LINK.format(1, inertia(0, 0, 0))), None),  # a mass at a point
     ((TOE, LINK.format(1e-14, inertia(1e-9, 1e-9, 3e-9))), "no body has (toe)"),
     ((LIMIT, '<limit upper="2" effort="8" velocity="9"/>'), "limit (knee)"),
-    ((LIMIT, '<limit lower="-2" effort="8" velocity="9"/>'), "limit (knee)")])  # fmt: skip
+    ((LIMIT, '<limit lower="-2" effort="8" velocity="9"/>'), "limit (knee)"),
+    *(((LIMIT, f'<limit lower="0" upper="2.5" effort="{x}" velocity="{x}"/>'), "inf (knee)")
+      for x in (0, -1, "inf"))])  # fmt: skip
 def test_an_irregular_file_is_read_as_it_is_with_a_line(spoil, load, edit, culprit):
     leg = load(spoil(edit))
     *lines, last = leg.warnings
@@ -190,6 +193,8 @@ def test_an_irregular_file_is_read_as_it_is_with_a_line(spoil, load, edit, culpr
     assert all(line in html.unescape(leg._repr_html_()) for line in leg.warnings)
     if culprit == "limit (knee)":  # the URDF specification says 0
         assert leg.joint_range("knee") in ((0, 2), (-2, 0))
+    if culprit == "inf (knee)":
+        assert (leg.effort_limit[1], leg.velocity_limit[1]) == (math.inf, math.inf)
 
 
 def test_bodies_that_are_fixed_to_each_other_are_judged_together(spoil, load):

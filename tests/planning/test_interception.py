@@ -7,14 +7,8 @@ import pytest
 from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
-from kickdyn.planning.interception import (
-    CANDIDATES,
-    Reach,
-    reach_of,
-    state_at,
-    waits_in_plane,
-    waits_in_reach,
-)
+from kickdyn.planning import interception as module
+from kickdyn.planning.interception import CANDIDATES, Reach, reach_of
 
 BALL, AIR = kd.Ball(), kd.Air()
 HUMAN = kd.Leg.human()
@@ -29,7 +23,7 @@ def waits(incoming, reach, seconds, changes=None):
     meets = incoming if isinstance(incoming, kd.IncomingBall) else kd.IncomingBall(incoming, FLOOR)
     course = meets.course(BALL, None, seconds)
     still = changes or (lambda times: np.zeros((len(times), 3)))
-    return waits_in_reach(meets, course, reach, BALL.radius, still, lambda _: "")
+    return module.waits_in_reach(meets, course, reach, BALL.radius, still, lambda _: "")
 
 
 def test_the_reach_is_that_of_the_straight_leg_from_the_hip():
@@ -70,7 +64,7 @@ def test_a_place_on_the_path_gives_the_time(passes, beside):
     agrees(waits(meets, reach_of(HUMAN, BALL), 0.45), [passes], optimized(1e-11))
     timed = kd.IncomingBall(flies, ground, 2.25)
     assert waits(timed, reach_of(HUMAN, BALL), 0.45) == pytest.approx([0.25])
-    ball = state_at(meets, meets.course(BALL, None), passes)
+    ball = module.state_at(meets, meets.course(BALL, None), passes)
     assert ball.time == pytest.approx(2.0 + passes)
     assert ball.position == pytest.approx(point, abs=closed_form(1e4))
 
@@ -87,16 +81,16 @@ def test_a_meeting_that_cannot_be_is_named(meet_at, words):
         return np.tile([9.0, 0.0, 3.0], (len(times), 1))
 
     with pytest.raises(kd.InvalidInput, match=words):
-        waits_in_reach(meets, course, reach, BALL.radius, forwards, lambda _: "")
+        module.waits_in_reach(meets, course, reach, BALL.radius, forwards, lambda _: "")
 
 
 def test_times_in_the_plane_are_the_roots_of_the_distance():
     times = np.linspace(0.0, 2.0, 9)
-    roots = waits_in_plane(times, lambda t: math.cos(2.0 * t))
+    roots = module.waits_in_plane(times, lambda t: math.cos(2.0 * t))
     assert roots == pytest.approx([math.pi / 4], abs=optimized(1e-10))
-    assert waits_in_plane(times, lambda t: 1e-9).tolist() == times.tolist()
+    assert module.waits_in_plane(times, lambda t: 1e-9).tolist() == times.tolist()
     with pytest.raises(kd.InvalidInput, match=r"at least 0\.5 m away"):
-        waits_in_plane(times, lambda t: 0.5 + t)
+        module.waits_in_plane(times, lambda t: 0.5 + t)
 
 
 @pytest.mark.parametrize(("state", "options", "words"), [

@@ -20,13 +20,8 @@ KICK = kd.Kick(attack=0.0)
 POSTURES = {"hip": [0.0, 0.7, 1.4], "knee": [0.0, 0.3], "ankle": [0.0, 0.8]}
 
 
-@pytest.fixture(scope="module")
-def small():
-    return kd.sweep(LEG, POSTURES, KICK)
-
-
-def test_variables_are_those_of_strike_and_fly(small):
-    cell = small.isel(hip=1, knee=1, ankle=0)
+def test_variables_are_those_of_strike_and_fly():
+    cell = kd.sweep(LEG, POSTURES, KICK).isel(hip=1, knee=1, ankle=0)
     posture, n = LEG.posture([0.7, 0.3, 0.0]), np.array([1.0, 0.0, 0.0])
     hit = kd.strike(posture, posture.joint_velocity(n), kd.Ball(), kd.Contact(n, 0.8, 0.4))
     v = hit.ball_after.velocity

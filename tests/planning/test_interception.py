@@ -59,7 +59,7 @@ def test_times_within_reach_are_those_of_the_parabola(speed):
 
 @pytest.mark.parametrize(("leg", "height", "rate", "ground"), [
     (G1, 0.5, 1.0, None), (G1, -0.9, 1.0, -0.9), (G1, 0.5, 0.0, 0.5), (BOLT, 0.5, 1.0, 0.0),
-])  # fmt: skip
+    (HUMAN, 0.5, 1.0, HUMAN.posture(np.zeros(3)).contact_point[2])])  # fmt: skip
 def test_the_ground_is_under_the_other_foot_or_under_a_lower_ball(leg, height, rate, ground):
     ball = kd.BallState((1.0, 0.0, height + BALL.radius), (-1.0, 0.0, rate))
     level = kd.IncomingBall(ball).on_ground_of(leg, BALL).ground.height

@@ -1,5 +1,8 @@
 """The numbers of a fit: which of them are given, how they are printed, means over flights."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -75,6 +78,23 @@ def test_the_picture_has_the_fitted_and_the_measured_positions():
             agrees(np.transpose(line.get_data()), right[:, [0, across]], closed_form())
     agrees([line.get_ydata() for line in rest.lines], 100 * residuals.T, closed_form())
     assert all(line.get_xdata().tolist() == track.times.tolist() for line in rest.lines)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (lambda x: {"residuals": np.full((4, 3), x * BALL.radius / 3**0.5)}, "the ball's radius"),
+        (lambda x: {"estimates": np.array([0.1 * (1.0 - x)])}, "drag is -.* below 0"),
+        (lambda x: {"widening": max(x, 1.0)}, "correlated.* factor of 1"),
+        (lambda x: {"used": x < np.array([2.0, 2.0, 1.0, 2.0])}, "^1 of 4 samples"),
+        (lambda x: {"curved": ("drag",) * (x > 1)}, "deviations of drag were increased"),
+    ],
+    ids=["distance", "drag", "correlation", "outliers", "curved"],
+)
+def test_a_fit_warns_on_one_side_of_a_limit(changes, words):
+    for x, count in ((0.99, 0), (1.01, 1)):
+        lines = replace(result({"drag": 0.2}, [1e-5]), **changes(x)).warnings
+        assert sum(bool(re.search(words, line)) for line in lines) == count, lines
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """The impulse from the ball's motion: kickdyn's own strikes are given back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -87,6 +89,22 @@ def test_a_spin_about_the_impulse_is_the_residual():
     unsure = inferred_from(hit, after, spin_deviation=(0.0, 10.0))
     assert unsure.deviations["residual"] == pytest.approx(share / 2.0, rel=optimized())
     assert any("spin" in line for line in result.warnings) > any(unsure.warnings)
+
+
+def test_an_impact_warns_on_one_side_of_a_limit():
+    """Of the restitution by three deviations, of the contact point by a quarter of the radius."""
+    hit = struck(0.0, restitution=1.0)
+    fast = inferred_from(hit, changed(hit.ball_after, hit.impulse))
+    for share, count in ((0.99, 1), (1.01, 0)):
+        spread = {"restitution": share * (fast.restitution - 1.0) / 3.0}
+        lines = replace(fast, deviations=spread).warnings
+        assert sum("restitution is" in line for line in lines) == count
+        start = hit.ball_before
+        aside = start.position + 0.25 * BALL.radius * np.array([0.0, 1.0, 0.0]) / share
+        away = replace(fast, ball_before=replace(start, position=aside))
+        assert sum("m from the contact point" in line for line in away.warnings) == count
+        turned = replace(fast, residual=0.05 / share)
+        assert sum("the residual is" in line for line in turned.warnings) == count
 
 
 def test_deviations_are_those_of_repeated_measurements():

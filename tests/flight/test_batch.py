@@ -82,7 +82,8 @@ def helper(spin_parameter, slope=0.1):
     return slope * math.tanh(spin_parameter)
 
 
-def test_functions_of_a_user_are_compiled():
+@pytest.mark.usefixtures("way")
+def test_functions_of_a_user():
     """With defaults, closures, functions that they call, and a wind that grows with the height."""
     gain = 0.3
 
@@ -152,9 +153,6 @@ def test_many_flights_end_at_the_events_of_one(air, ends):
         *(e.name for e in ends)]  # fmt: skip
 
 
-# --- rows that fail -----------------------------------------------------------------------------
-
-
 def spoilt_above_30(reynolds, spin_parameter):
     return math.nan if reynolds > 4e5 else 0.2
 
@@ -177,9 +175,6 @@ def test_a_row_without_a_coefficient_fails_and_the_others_do_not(coefficient, to
         values = many[name].values.reshape(len(velocity), -1)
         assert np.isnan(values).all(axis=1).tolist() == [False, True, False, True][: len(velocity)]
     assert not many.outside[1]
-
-
-# --- the dataset --------------------------------------------------------------------------------
 
 
 def test_the_dataset_has_units_flags_and_arguments(tmp_path):
@@ -209,9 +204,8 @@ def test_outside_are_flights_that_leave_the_data_at_launch_apex_or_landing(air):
     assert many.outside.values.any() == (air is not None)
 
 
-# --- error and slopes ---------------------------------------------------------------------------
-
-
+@pytest.mark.parametrize("way", [True], indirect=True)
+@pytest.mark.usefixtures("way")
 @pytest.mark.parametrize("tol", [1e-5, 1e-8, 1e-11])
 def test_the_error_of_each_flight_is_at_or_above_the_truth(tol):
     """Against the finest flights that can be asked for, which have errors of their own."""
@@ -249,9 +243,6 @@ def test_slopes_of_landings_are_those_of_flights_side_by_side(plane):
         right, _ = flight.slopes_at_plane(normal, time)
         agrees(many.landing_by_velocity.values[i], right[:, :3], integrated(1e-9))
         agrees(many.landing_by_spin.values[i], right[:, 3:6], integrated(1e-9))
-
-
-# --- refusals -----------------------------------------------------------------------------------
 
 
 class Table:

@@ -45,8 +45,6 @@ def test_states_that_change_are_counted(velocity, spin, air, count):
     assert FlightEquations(launch, BALL, air).count_changing() == count
 
 
-# --- what tolerances are relative to --------------------------------------------------------------
-
 VACUUM = kd.Air(density=0.0)
 
 

@@ -21,9 +21,6 @@ def launch(velocity, spin=(0, 0, 0), at=(0, 0, 0)):
     return kd.BallState(at, velocity, spin)
 
 
-# --- arrival ------------------------------------------------------------------------------------
-
-
 def test_arrival_is_on_the_path():
     path = kd.fly(launch((25, 3, 10), (0, -20, 10)), BALL, kd.Air(), tol=1e-12)
     there = path.arrival(20.0)
@@ -50,9 +47,6 @@ def test_no_arrival_after_the_end(limit, reached, missed):
     assert path.arrival(missed) is None
 
 
-# --- orientation --------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("air", [None, kd.Air(torque=None)], ids=["vacuum", "air"])
 @pytest.mark.parametrize("spin", [(0, 0, 0), (0, -40, 0), (10, -40, 25)])
 def test_a_constant_spin_turns_at_a_constant_rate(air, spin):
@@ -76,9 +70,6 @@ def test_a_decaying_spin_turns_as_the_equation_of_quaternions_says():
     assert np.linalg.norm(path.landing.spin) < 0.8 * np.linalg.norm(path.launch.spin)
     agrees(turned.as_matrix(), Rotation.from_quat(q).as_matrix(), integrated(1e-9))
     assert pin.Quaternion(turned.as_quat()).matrix() == pytest.approx(turned.as_matrix())
-
-
-# --- the estimate of the error ------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("tol", [1e-6, 1e-10, 1e-12])
@@ -152,9 +143,6 @@ def test_the_error_of_a_shot_straight_up_covers_that_of_its_duration(tol):
     for time, error in ((times, errors), (many.duration.values, many.error.values)):
         assert (np.abs(time - exact) * down <= error).all()
         assert time == pytest.approx(exact, rel=integrated(tol))
-
-
-# --- warnings -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("air", "velocity", "spin", "words"), [(kd.Air(), (24, 0, 10), 0, None),

@@ -5,6 +5,7 @@ import pytest
 from tolerances import integrated
 
 import kickdyn as kd
+from kickdyn.flight.batch import MARCH
 
 RNG = np.random.default_rng(1)
 N = 12
@@ -14,6 +15,11 @@ TURF = kd.Ground(0.0, "turf")
 LYING = kd.BallState((0, 0, 0.11), [(0, 0, 0), (0, 0, 0), (0, 0, -1), (1e-9, 0, 0), (-2, 0, 0)],
                      [(0, 0, 0), (0, 0, 9), (0, 0, 0), (0, 0, 0), (0, -2 / 0.11, 0)])  # fmt: skip
 WIND = kd.Air(wind=(3, 1, 0))
+
+
+@pytest.fixture(autouse=True, params=[False, True], ids=["Python", "machine code"])
+def way(request, monkeypatch):
+    monkeypatch.setattr(MARCH, "pays", lambda _: request.param)
 
 
 def far(state, numbers):

@@ -82,8 +82,6 @@ def test_a_closed_form_answers_where_only_weight_acts(air, spin, closed, braked)
     assert brakes(air, spin) is braked
 
 
-# --- the vacuum ---------------------------------------------------------------------------------
-
 SPEED = st.floats(-1e3, 1e3)
 
 

@@ -19,9 +19,6 @@ def launch(velocity, height=0.0, spin=(0, 0, 0)):
     return kd.BallState((0, 0, height), velocity, spin)
 
 
-# --- closed forms -------------------------------------------------------------------------------
-
-
 def test_lift_alone_turns_a_ball_in_circles():
     """Neutrally buoyant and without drag: ten circles with the radius 2 m / (rho A C_L)."""
     air = kd.Air(drag=None, lift=constant(0.5), torque=None)
@@ -56,9 +53,6 @@ def test_the_error_falls_with_about_the_eighth_power_of_the_evaluations(velocity
     errors = [np.abs(each.state - exact).max() for each in arcs]
     slope, _ = np.polyfit(np.log([each.evaluations for each in arcs]), np.log(errors), 1)
     assert -slope > least
-
-
-# --- events of a parabola -------------------------------------------------------------------------
 
 
 def fall(_, y):

@@ -10,7 +10,9 @@ from scipy.integrate import dblquad
 from tolerances import agrees, closed_form, differenced, integrated
 
 import kickdyn as kd
+from kickdyn.impact.inflated_force import GAS_EXPONENT, gauge_pressure
 from kickdyn.impact.patch_contact import overlap
+from kickdyn.restitution import SHELL_RESTITUTION
 
 BALL = kd.Ball(pressure=80e3)
 R = BALL.radius
@@ -101,6 +103,53 @@ def test_energy_and_momentum_are_balanced(friction, offset, e):
         now = motion.equations.state(motion.column(t))
         totals.append(motion.equations.energy(motion.column(t), 0.0) + now.lost - now.work)
     agrees(totals, np.full(5, totals[0]), integrated(1e-10))
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("share", [0.15, 0.35, 0.85])
+def test_pressure_stopped_shell_and_bristles_push_and_turn_the_ball(share, friction):
+    """On a foot that does not turn. In restitution the pressure pushes less.
+
+    Of the shell's mass s m, s m / (4 pi R) flows through each radian of the rim and metre of
+    approach, and loses the velocity towards the foot that it has there. The bristles of the disc
+    A have the shear xi, the stiffness k A and f = -k A xi, with
+    xi' = w - k A |w| xi / (mu N) - max(A', 0) xi / A for the sliding w.
+    """
+    collision = kick(kd.FootPatch(0.08, 0.025), friction, v=(14.0, 3.0, 1.0), tol=1e-10,
+                     ball_spin=(5.0, -10.0, 60.0))  # fmt: skip
+    motion, times = collision._motion, np.linspace(0.0, collision.contact_time, 200)
+    largest = times[np.argmax(collision.sample(times).deflection)]
+    t, h = share * collision.contact_time, 1e-6 * collision.contact_time
+    assert (share > 0.5) == (t > largest)
+    columns = [motion.column(x) for x in (t - h, t, t + h)]
+    states = [motion.equations.state(y) for y in columns]
+    heights = [R + x.moved[0] - x.q[0] for x in states]
+    sides = [0.025 + x.moved[1] - x.q[1] for x in states]
+    shapes = [overlap(R - x, side, R, 0.04) for x, side in zip(heights, sides, strict=True)]
+    (ball, omega), foot, height, shape = states[1].motion, states[1].v, heights[1], shapes[1]
+    turns = 2.0 * math.pi * (np.arange(400_000) + 0.5) / 400_000
+    rim = math.sqrt(R * R - height * height) * np.array([np.cos(turns), np.sin(turns)])
+    y, z = rim[:, np.abs(sides[1] + rim[0]) < 0.04]
+    towards = foot[0] - ball[0] - omega[1] * z + omega[2] * y
+    flow = BALL.shell_share * BALL.mass / (4.0 * math.pi * R) * max(foot[0] - ball[0], 0.0)
+    stopped = flow * towards * 2.0 * math.pi / 400_000
+    pressure = gauge_pressure(shape.volume / BALL.volume, 80e3, GAS_EXPONENT)
+    pressure *= SHELL_RESTITUTION**2 if share > 0.5 else 1.0
+    normal, shear = pressure * shape.area + stopped.sum(), columns[1][-2:] * (friction > 0.0)
+    mass = 1.0 / (1.0 / 1.95 + 1.0 / BALL.mass)
+    stiffness = 2.0 / 3.0 * 80e3 / (14.0 * math.sqrt(mass / BALL.stiffness)) * shape.area
+    f = -stiffness * shear
+    force = np.array([normal, f[0] - pressure * shape.across, f[1]])
+    agrees(collision.sample(t).force, force, 1e-4)  # a sum of 400,000 points
+    turned = BALL.inertia * (states[2].motion[1] - states[0].motion[1]) / (2.0 * h)
+    torque = [0.0, z @ stopped + height * f[1], -y @ stopped - height * f[0]]
+    np.testing.assert_allclose(turned, torque, atol=1e-4 * R * normal)
+    if friction > 0.0:
+        sliding = ball + np.cross(omega, [-height, 0.0, 0.0]) - foot
+        growth = max(shapes[2].area - shapes[0].area, 0.0) / (2.0 * h)
+        fading = stiffness * math.hypot(*sliding[1:]) / (friction * normal) + growth / shape.area
+        rate = (columns[2][-2:] - columns[0][-2:]) / (2.0 * h)
+        agrees(rate, sliding[1:] - fading * shear, 1e-3)
 
 
 def bounce(grip, friction=0.8):

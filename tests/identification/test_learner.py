@@ -86,6 +86,8 @@ def test_before_the_first_kick_it_knows_the_prior():
     uncertain = (by[:, :6] * PRIOR_SIZES**2) @ by[:, :6].T
     agrees(learner.landing_uncertainty, uncertain, 100 * differenced(1))
     assert not learner.is_done
+    prior = {"wind_x": 0.5, "restitution": 0.05}
+    assert learner_for(prior=prior).deviations == pytest.approx(PRIOR | prior)
 
 
 @pytest.mark.parametrize("leg", [None, kd.Leg.human()], ids=["launch", "kick"])
@@ -130,7 +132,8 @@ def test_a_track_tells_drag_and_wind():
 
 def test_kicks_of_a_leg_are_learned():
     (truth, _), goal = world(2), kd.Goal(20.0, time=1.3)
-    learner = learner_for(goal, kd.Leg.human(), scatter=0.003, deviation=0.005)
+    learner = learner_for(goal, kd.Leg.human(), scatter=0.003, deviation=0.005, friction=0.3,
+                          ball_height=-0.6)  # fmt: skip
     misses = []
     for _ in range(3):
         seen = landing(learner.command, truth)
@@ -138,6 +141,8 @@ def test_kicks_of_a_leg_are_learned():
         assert learner.command.status == "met"
         assert learner.command.landing_error < optimized(1e-7)
         e = learner.command.impact.contact.restitution
+        assert learner.command.impact.contact.friction == 0.3
+        assert learner.command.impact.ball_before.position[2] == pytest.approx(-0.6)
         assert e == pytest.approx(learner.estimates["restitution"])
         # the path that is expected is the flight in the world that is known
         expected = landing(learner.command, unknowns_of(learner))
@@ -169,3 +174,24 @@ def test_learning_is_done_where_scatter_explains_the_miss():
 def test_a_restitution_near_0_or_1_is_a_warning():
     warned = [e for e in (0.01, 0.03, 0.97, 0.99) if learner_for(restitution=e).warnings]
     assert warned == [0.01, 0.99]
+
+
+@pytest.mark.parametrize(("options", "words"), [
+    ({"goal": kd.Goal((30.0, 0.0, 1.0), time=1.5)}, "goal is 1 m above"),
+    ({"air": kd.Air(drag=None)}, "no drag"), ({"air": kd.Air(wind=lambda z: (0, 0, 0))}, "height"),
+    ({"goal": kd.Goal(30.0, time=1.5, receiver_velocity=(1, 0, 0))}, "receiver velocity is .1"),
+    ({"prior": {"mass": 0.1}}, "has .'mass'"), ({"prior": {"wind_x": 0.0}}, "prior wind_x is"),
+    ({"restitution": 0.0}, "restitution is 0"), ({"motion": True}, "without a leg")])  # fmt: skip
+def test_what_cannot_be_learned_is_refused(options, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        kd.Learner(**{"goal": GOAL, "ball": BALL, "air": MODEL, **options})
+
+
+@pytest.mark.parametrize(("seen", "time", "words"), [
+    ([30.0], None, r"shape \(1,\)"), ([30.0, 0.0], 0.0, "time is 0"),
+    (kd.Track([0.1, 0.2], np.zeros((2, 3))), 1.0, "times already")])  # fmt: skip
+def test_a_faulty_observation_is_refused_and_not_counted(seen, time, words):
+    learner = learner_for()
+    with pytest.raises(kd.InvalidInput, match=words):
+        learner.observe(seen, time)
+    assert learner.shots == ()

@@ -120,15 +120,12 @@ def test_the_highest_of_several_crests_counts():
 
 
 @pytest.mark.usefixtures("way")
-@pytest.mark.parametrize(
-    ("ball", "air", "limit", "status"),
-    [
-        (kd.Ball(0.002, 0.11), AIR, 20.0, [1, 1]),  # a balloon
-        (BALL, kd.Air(wind=(0, 0, 60)), 20.0, [1, 1]),
-        (BALL, None, 3.0, [1, 0]),
-        (BALL, AIR, 1.0, [1, 0]),
-    ],
-)
+@pytest.mark.parametrize(("ball", "air", "limit", "status"), [
+    (kd.Ball(0.002, 0.11), AIR, 20.0, [1, 1]),  # a balloon
+    (BALL, kd.Air(wind=(0, 0, 60)), 20.0, [1, 1]),
+    (BALL, None, 3.0, [1, 0]),
+    (BALL, AIR, 1.0, [1, 0]),
+])  # fmt: skip
 def test_a_flight_is_aloft_at_the_time_limit(ball, air, limit, status):
     states = kd.BallState(velocity=[(5, 1, 50), (1, 0, 1)])
     many = assert_as_fly(states, ball, air, tol=1e-9, time_limit=limit)

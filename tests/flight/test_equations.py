@@ -31,15 +31,12 @@ def test_rates_are_those_of_the_vector_formulas(height, fallen, left):
     assert result[6] * spin == pytest.approx(right[6:], rel=closed_form(1e3))
 
 
-@pytest.mark.parametrize(
-    ("velocity", "spin", "air", "count"),
-    [
-        ((10, 3, 5), (0, 0, 0), kd.Air(drag=None, lift=None), 6),  # x and y at constant speed
-        ((0, 0, 5), (0, 0, 0), kd.Air(drag=None, lift=None), 2),
-        ((10, 0, 5), (0, 9, 0), kd.Air(), 5),
-        ((10, 0, 5), (9, 0, 0), kd.Air(torque=None), 6),
-    ],
-)
+@pytest.mark.parametrize(("velocity", "spin", "air", "count"), [
+    ((10, 3, 5), (0, 0, 0), kd.Air(drag=None, lift=None), 6),  # x and y at constant speed
+    ((0, 0, 5), (0, 0, 0), kd.Air(drag=None, lift=None), 2),
+    ((10, 0, 5), (0, 9, 0), kd.Air(), 5),
+    ((10, 0, 5), (9, 0, 0), kd.Air(torque=None), 6),
+])  # fmt: skip
 def test_states_that_change_are_counted(velocity, spin, air, count):
     launch = kd.BallState(velocity=velocity, spin=spin)
     assert FlightEquations(launch, BALL, air).count_changing() == count

@@ -33,14 +33,11 @@ def test_lift_alone_turns_a_ball_in_circles():
     assert true < path.error < 10 * true
 
 
-@pytest.mark.parametrize(
-    ("velocity", "end", "least"),
-    [
-        ((25, 2, 12), 2.5, 7.5),
-        ((2, 0.3, 6), 1.2, 6.0),  # through Re 2e4 to 7e4, where formulas join
-        ((50, 2, 22), 3.0, 7.0),  # through 35 m/s, where the data end
-    ],
-)
+@pytest.mark.parametrize(("velocity", "end", "least"), [
+    ((25, 2, 12), 2.5, 7.5),
+    ((2, 0.3, 6), 1.2, 6.0),  # through Re 2e4 to 7e4, where formulas join
+    ((50, 2, 22), 3.0, 7.0),  # through 35 m/s, where the data end
+])  # fmt: skip
 def test_the_error_falls_with_about_the_eighth_power_of_the_evaluations(velocity, end, least):
     motion = FlightEquations(launch(velocity, spin=(5, -30, 15)), BALL, kd.Air())
 

@@ -80,17 +80,13 @@ def test_the_picture_has_the_fitted_and_the_measured_positions():
     assert all(line.get_xdata().tolist() == track.times.tolist() for line in rest.lines)
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        (lambda x: {"residuals": np.full((4, 3), x * BALL.radius / 3**0.5)}, "the ball's radius"),
-        (lambda x: {"estimates": np.array([0.1 * (1.0 - x)])}, "drag is -.* below 0"),
-        (lambda x: {"widening": max(x, 1.0)}, "correlated.* factor of 1"),
-        (lambda x: {"used": x < np.array([2.0, 2.0, 1.0, 2.0])}, "^1 of 4 samples"),
-        (lambda x: {"curved": ("drag",) * (x > 1)}, "deviations of drag were increased"),
-    ],
-    ids=["distance", "drag", "correlation", "outliers", "curved"],
-)
+@pytest.mark.parametrize(("changes", "words"), [
+    (lambda x: {"residuals": np.full((4, 3), x * BALL.radius / 3**0.5)}, "the ball's radius"),
+    (lambda x: {"estimates": np.array([0.1 * (1.0 - x)])}, "drag is -.* below 0"),
+    (lambda x: {"widening": max(x, 1.0)}, "correlated.* factor of 1"),
+    (lambda x: {"used": x < np.array([2.0, 2.0, 1.0, 2.0])}, "^1 of 4 samples"),
+    (lambda x: {"curved": ("drag",) * (x > 1)}, "deviations of drag were increased"),
+], ids=["distance", "drag", "correlation", "outliers", "curved"])  # fmt: skip
 def test_a_fit_warns_on_one_side_of_a_limit(changes, words):
     for x, count in ((0.99, 0), (1.01, 1)):
         lines = replace(result({"drag": 0.2}, [1e-5]), **changes(x)).warnings

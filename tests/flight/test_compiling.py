@@ -110,9 +110,8 @@ def test_code_defaults_closures_and_globals_count_in_a_name():
     assert len(set(names)) == len(names)
 
 
-@pytest.mark.parametrize(
-    "value", [np.zeros(2), types.ModuleType("settings"), numba.njit(made(0.2)), object(), [1.0]]
-)
+@pytest.mark.parametrize("value", [
+    np.zeros(2), types.ModuleType("settings"), numba.njit(made(0.2)), object(), [1.0]])  # fmt: skip
 def test_a_function_of_a_value_that_may_change_has_no_name(value):
     assert fingerprint(made(value)) is None
     assert fingerprint(with_globals(by_name, LEVEL=value)) is None

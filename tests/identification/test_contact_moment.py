@@ -79,16 +79,13 @@ def test_the_deviation_of_the_time_moves_along_the_motion():
 SIDEWAYS = kd.Track(*(lambda t: (t.times, t.positions[:, [0, 2, 1]]))(ball_track(np.ones_like)))
 
 
-@pytest.mark.parametrize(
-    ("contact", "message"),
-    [(-0.2, r"contact is -0\.2 s: the track is from -0\.2 to -0\.02 s"), (0.0001, "track is from"),
-     ((0.1, 0.2, 0.3), r"\[0.1, 0.2, 0.3\].*deviation"), ((0.1, -1.0), "deviation .* -1.0"),
-     (kd.Track(np.arange(80) / 200 - 0.2, np.zeros((80, 3))), "changes by 0 m/s"),
-     (ball_track(np.ones_like)[:70], r"changes by \S+ m/s.* kick"),
-     (kd.Track(np.arange(4) / 100, np.zeros((4, 3))), "4 samples: at least 10"),
-     (SIDEWAYS, r"along y.*z up")],
-    ids=range(8),
-)  # fmt: skip
+@pytest.mark.parametrize(("contact", "message"), [
+    (-0.2, r"contact is -0\.2 s: the track is from -0\.2 to -0\.02 s"), (0.0001, "track is from"),
+    ((0.1, 0.2, 0.3), r"\[0.1, 0.2, 0.3\].*deviation"), ((0.1, -1.0), "deviation .* -1.0"),
+    (kd.Track(np.arange(80) / 200 - 0.2, np.zeros((80, 3))), "changes by 0 m/s"),
+    (ball_track(np.ones_like)[:70], r"changes by \S+ m/s.* kick"),
+    (kd.Track(np.arange(4) / 100, np.zeros((4, 3))), "4 samples: at least 10"),
+    (SIDEWAYS, r"along y.*z up")], ids=range(8))  # fmt: skip
 def test_what_is_no_contact_is_refused(contact, message):
     with pytest.raises(kd.InvalidInput, match=message):
         kd.fit_motion(track(50), LEG, PLACES, contact=contact)

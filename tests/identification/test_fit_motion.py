@@ -187,24 +187,20 @@ KEEP = put(0, 0, value=np.nan)
 MIRRORED = {name: (link, (x, -y, z)) for name, (link, (x, y, z)) in PLACES.items()}
 
 
-@pytest.mark.parametrize(
-    ("change", "markers", "message"),
-    [
-        (lambda p: p.__imul__(1000), PLACES, "millimetres"),
-        (put(5, [0, 1], place=(5, [1, 0])), PLACES, r"'base[01]' is .* frame 5.* segment; .*NaN"),
-     (put(4, [0, 1], place=(4, [1, 0])), PLACES, "'base0', 'base1' may be swapped in frame 4"),
-     (standing_on_y, PLACES, r"'base[01]' .* \(y seems to point up: see `up`\); in a few"),
-        (lambda p: p.__setitem__((..., 1), -p[..., 1]), PLACES, "'base0', 'base1' are swapped"),
-        (put(slice(None), slice(9, None), value=np.nan), PLACES, "'foot0' is not seen"),
-        (KEEP, {k: v for k, v in PLACES.items() if "foot" not in k},
-         "too few .*(ankle|subtalar).*3 on shank, 0 on foot"),
-        (KEEP, MIRRORED, "base0, base1, base2 are 0.117 m to the right"), (KEEP, {}, "empty"),
-        (KEEP, {"x": "foot"}, "'x'"), (KEEP, {"foot0": "hand"}, "hand"),
-        (KEEP, {"foot0": ("foot", 1, 2)}, "'foot0'"),
-        (KEEP, PLACES | {"foot0": ("foot", (100, 30, 20))}, r"\[100.0, 30.0, 20.0\].*metres"),
-    ],
-    ids=range(13),
-)  # fmt: skip
+@pytest.mark.parametrize(("change", "markers", "message"), [
+    (lambda p: p.__imul__(1000), PLACES, "millimetres"),
+    (put(5, [0, 1], place=(5, [1, 0])), PLACES, r"'base[01]' is .* frame 5.* segment; .*NaN"),
+    (put(4, [0, 1], place=(4, [1, 0])), PLACES, "'base0', 'base1' may be swapped in frame 4"),
+    (standing_on_y, PLACES, r"'base[01]' .* \(y seems to point up: see `up`\); in a few"),
+    (lambda p: p.__setitem__((..., 1), -p[..., 1]), PLACES, "'base0', 'base1' are swapped"),
+    (put(slice(None), slice(9, None), value=np.nan), PLACES, "'foot0' is not seen"),
+    (KEEP, {k: v for k, v in PLACES.items() if "foot" not in k},
+     "too few .*(ankle|subtalar).*3 on shank, 0 on foot"),
+    (KEEP, MIRRORED, "base0, base1, base2 are 0.117 m to the right"), (KEEP, {}, "empty"),
+    (KEEP, {"x": "foot"}, "'x'"), (KEEP, {"foot0": "hand"}, "hand"),
+    (KEEP, {"foot0": ("foot", 1, 2)}, "'foot0'"),
+    (KEEP, PLACES | {"foot0": ("foot", (100, 30, 20))}, r"\[100.0, 30.0, 20.0\].*metres"),
+], ids=range(13))  # fmt: skip
 def test_markers_that_do_not_fit_the_leg_are_refused(change, markers, message):
     with pytest.raises(kd.InvalidInput, match=message):
         kd.fit_motion(changed(change, rate=50), LEG, markers)

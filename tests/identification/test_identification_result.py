@@ -93,16 +93,13 @@ def test_a_fit_warns_on_one_side_of_a_limit(changes, words):
         assert sum(bool(re.search(words, line)) for line in lines) == count, lines
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "largest"),
-    [
-        ("back_spin", 100.0, 20.0), ("side_spin", 100.0, 20.0), ("gyro_spin", 100.0, 20.0),
-        ("drag", 0.25, 0.1), ("drag_scale", 1.2, 0.5), ("lift_scale", 1.2, 0.5),
-        ("wind_x", 8.0, 3.0), ("wind_y", -8.0, 3.0),
-        ("drag", 0.1, 0.05),  # half the value
-        ("wind_x", 0.1, 0.15), ("back_spin", 0.5, 1.0), ("drag", 0.0, 0.005),  # near zero
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "value", "largest"), [
+    ("back_spin", 100.0, 20.0), ("side_spin", 100.0, 20.0), ("gyro_spin", 100.0, 20.0),
+    ("drag", 0.25, 0.1), ("drag_scale", 1.2, 0.5), ("lift_scale", 1.2, 0.5),
+    ("wind_x", 8.0, 3.0), ("wind_y", -8.0, 3.0),
+    ("drag", 0.1, 0.05),  # half the value
+    ("wind_x", 0.1, 0.15), ("back_spin", 0.5, 1.0), ("drag", 0.0, 0.005),  # near zero
+])  # fmt: skip
 def test_a_value_is_given_up_to_a_deviation(name, value, largest):
     """About half of what it usually is; half the value; a twentieth of the first near zero."""
     for share, is_given in ((0.99, True), (1.01, False)):

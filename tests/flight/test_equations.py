@@ -63,10 +63,9 @@ def test_with_drag_they_are_relative_to_the_closed_form_straight_up(speed):
     assert result == pytest.approx((1e-6, 2e-6 * height, 1e-6 * back), rel=closed_form(100))
 
 
-@pytest.mark.parametrize(
-    ("drag", "speed"),
-    [*(("brazuca", speed) for speed in (15.0, 60.0, 1e3)), ("stokes", 1e-3), ("sphere", 0.1)],
-)
+@pytest.mark.parametrize(("drag", "speed"), [
+    *(("brazuca", speed) for speed in (15.0, 60.0, 1e3)), ("stokes", 1e-3), ("sphere", 0.1)
+])  # fmt: skip
 def test_the_drag_length_is_of_the_least_drag_on_the_way(drag, speed):
     """From a thousandth of the speed up to the next of 8 steps a decade."""
     air = kd.Air(drag=drag)

@@ -213,11 +213,9 @@ def broken(reynolds, spin_parameter):
 
 
 @pytest.mark.parametrize("kind", ["drag", "lift", "torque"])
-@pytest.mark.parametrize(
-    "coefficient",
-    [broken, *(constant(value) for value in (math.nan, math.inf))],
-    ids=["raises", "nan", "inf"],
-)
+@pytest.mark.parametrize("coefficient", [
+    broken, *(constant(value) for value in (math.nan, math.inf))
+], ids=["raises", "nan", "inf"])  # fmt: skip
 def test_a_coefficient_that_is_no_number_ends_in_an_error(kind, coefficient):
     words = "KeyError" if coefficient is broken else "not finite|could not be integrated"
     with pytest.raises(kd.KickdynError, match=words):

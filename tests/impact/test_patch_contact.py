@@ -26,10 +26,9 @@ def kick(patch, friction=0.0, e="inflated", v=(14.0, 0.0, 0.0), foot=FOOT, ball=
     return kd.collide(foot, v, ball, contact, model=patch, **{"tol": 1e-8, **options})
 
 
-@pytest.mark.parametrize(
-    ("deflection", "centre", "half"),
-    [(0.02, 0.01, math.inf), (0.02, 0.01, 0.03), (0.04, 0.05, 0.03), (0.05, -0.02, 0.04)],
-)
+@pytest.mark.parametrize(("deflection", "centre", "half"), [
+    (0.02, 0.01, math.inf), (0.02, 0.01, 0.03), (0.04, 0.05, 0.03), (0.05, -0.02, 0.04)
+])  # fmt: skip
 def test_the_overlap_is_an_integral_and_has_these_slopes(deflection, centre, half):
     a, height = math.sqrt(deflection * (2 * R - deflection)), R - deflection
     low, high = max(-a, -half - centre), min(a, half - centre)

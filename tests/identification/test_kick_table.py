@@ -36,10 +36,8 @@ def test_each_kick_has_values_and_deviations():
 
 
 def test_a_latex_table_has_the_values_to_two_digits_of_their_deviations():
-    kicks = {
-        "50%_a": inferred(10.0, joint_deviation=0.1, velocity_deviation=0.02),
-        "b": inferred(15.0),
-    }
+    known = inferred(10.0, joint_deviation=0.1, velocity_deviation=0.02)
+    kicks = {"50%_a": known, "b": inferred(15.0)}
     table = kd.kick_table(kicks)
     text = kd.kick_table(kicks, latex=True).replace(r"\\", "").splitlines()
     assert text[0] == r"\begin{tabular}{lrr}"
@@ -54,7 +52,6 @@ def test_a_latex_table_has_the_values_to_two_digits_of_their_deviations():
         assert float(value) == pytest.approx(row["50%_a"], abs=unit / 2)
         assert len(value.partition(".")[2]) == len(deviation.partition(".")[2]) == -np.log10(unit)
         assert float(second.strip(" $")) == pytest.approx(row["b"], rel=5e-4)
+    other = kd.Leg.human(height=1.7, mass=60, model="3d")
     with pytest.raises(kd.InvalidInput, match="'b' has other joints than 'a'"):
-        kd.kick_table(
-            {"a": kicks["b"], "b": inferred(9.0, kd.Leg.human(height=1.7, mass=60, model="3d"))}
-        )
+        kd.kick_table({"a": known, "b": inferred(9.0, other)})

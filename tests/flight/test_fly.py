@@ -145,7 +145,7 @@ def test_a_ball_too_slow_for_the_air_flies_without_it(speed):
 
 
 @every_air
-def test_samples_meet_launch_apex_and_landing(air):
+def test_samples_meet_launch_apex_and_landing_and_velocity_is_the_slope_of_position(air):
     path = kd.fly(launch(spin=(0, -40, 9), height=2.0), BALL, air, kd.Ground())
     for node in (path.launch, path.apex, path.landing):
         here = path.sample(node.time)
@@ -153,11 +153,6 @@ def test_samples_meet_launch_apex_and_landing(air):
             right = getattr(node, name)
             assert getattr(here, name) == pytest.approx(right, abs=integrated(1e-9)), name
         assert here.time == node.time
-
-
-@every_air
-def test_the_velocity_is_the_slope_of_the_position(air):
-    path = kd.fly(launch(spin=(0, -40, 9)), BALL, air)
     t = np.linspace(0.01, path.duration - 0.01, 300)
     slope = (path.sample(t + 1e-4).position - path.sample(t - 1e-4).position) / 2e-4
     agrees(slope, path.sample(t).velocity, integrated(1e-8))

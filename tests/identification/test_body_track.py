@@ -110,10 +110,7 @@ def test_the_centre_of_a_ball_is_as_far_from_all_markers_as_its_radius():
     distances = np.linalg.norm(arms, axis=2)
     slopes = ((distances - RADIUS)[..., None] * arms / distances[..., None]).sum(axis=1)
     assert np.abs(slopes).max() < optimized() * np.abs(distances - RADIUS).max()
-
-
-def test_markers_may_be_a_twentieth_of_the_radius_off_the_ball():
-    """The corners of a tetrahedron have its centre as theirs, whatever the radius."""
+    # the corners of a tetrahedron have its centre as theirs; they may be 5 % off the ball
     corners = RADIUS * np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]) / np.sqrt(3.0)
     for share in (0.951, 1.049):
         track, centre = ball_with_markers(share * corners)

@@ -118,13 +118,17 @@ def test_nothing_is_smoothed_across_the_impact():
 
 def test_gaps_are_named_and_the_markers_that_are_seen_count():
     def hide(positions):
-        positions[5, 0] = np.nan
+        positions[[5, 46, 47], 0] = np.nan
         positions[7:9, 3:] = np.nan
         positions[30, 11] += 0.05
         positions[20, 4] += 0.03
 
     motion = kd.fit_motion(changed(hide), LEG, PLACES, scale=False)
-    assert motion.gaps["base0"] == (5,)
+    assert motion.gaps["base0"] == (5, 46, 47)
+    for contact, frames in ((-0.005, 2), (-0.01, 0)):  # after frames 46 and 45
+        lines = kd.fit_motion(changed(hide), LEG, PLACES, scale=False, contact=contact).warnings
+        named = [line for line in lines if "not seen in frame" in line]
+        assert ["'base0' (2 frames)" in line for line in named] == [True] * (frames > 0)
     assert motion.gaps["thigh1"] == motion.undetermined == (7, 8)
     for k, coordinates in ((5, 12), (7, 6), (9, 12)):  # only the pelvis in frame 7
         error = pin.difference(LEG.model, state(motion.times[k]), motion.configurations[k])
@@ -135,19 +139,6 @@ def test_gaps_are_named_and_the_markers_that_are_seen_count():
     assert [int(size) for _, size in sizes] == sorted((int(x) for _, x in sizes), reverse=True)
     assert len(sizes) > 1
     assert "and in 1 other frames" in line
-
-
-def test_markers_that_are_not_seen_just_before_the_contact_are_named():
-    whole, hidden = track(100, until=0.05), [3, 18, 19, 22]  # the contact is after frame 19
-    positions = whole.positions.copy()
-    positions[hidden, 4] = np.nan
-    positions[22, 5] = np.nan
-    gaps = kd.BodyTrack(whole.times, whole.markers, positions)
-    for contact, frames in ((0.0, 3), (-0.015, 2), (-0.03, 0), (None, 0)):
-        lines = kd.fit_motion(gaps, LEG, PLACES, contact=contact, scale=False).warnings
-        named = [line for line in lines if "not seen in frame" in line]
-        assert len(named) == (frames > 0)
-        assert all(f"'thigh1' ({frames} frames) are not" in line for line in named)
 
 
 def test_a_contact_needs_frames_just_before_it(exact):

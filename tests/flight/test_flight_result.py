@@ -29,9 +29,7 @@ def test_arrival_is_on_the_path():
     assert path.arrival(0.0).time == 0.0
     assert path.arrival(-1.0) is None
     assert path.arrival(path.landing.position[0] + 1) is None
-
-
-def test_a_coordinate_within_the_tolerance_of_the_landing_is_reached():
+    # within the tolerance of the landing
     path = kd.fly(launch((25, 3, 10)), BALL, kd.Air(), tol=1e-6)
     end = path.landing.position
     agrees(path.arrival(end[0] * (1 + 1e-6)).position, end, integrated(1e-6))

@@ -66,9 +66,8 @@ def test_a_flight_turns_and_mirrors_with_its_launch(spin, wind, angle, mirror):
     c, s = math.cos(angle), math.sin(angle)
     turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.diag([1, mirror, 1])
     path = kd.fly(launch(spin=spin), BALL, kd.Air(wind=wind), tol=1e-12)
-    image = kd.fly(
-        launch(turn @ KICK, mirror * turn @ spin), BALL, kd.Air(wind=turn @ wind), tol=1e-12
-    )
+    turned = launch(turn @ KICK, mirror * turn @ spin)
+    image = kd.fly(turned, BALL, kd.Air(wind=turn @ wind), tol=1e-12)
     assert image.duration == pytest.approx(path.duration, rel=integrated(1e-12))
     agrees(image.landing.position, turn @ path.landing.position, integrated(1e-12))
     agrees(image.landing.spin, mirror * turn @ path.landing.spin, integrated(1e-12))

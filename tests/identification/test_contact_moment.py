@@ -54,9 +54,8 @@ def test_the_sides_of_a_contact_are_those_of_polyfit():
     side = ball_side(path, "after", 0.02, 0.1, moment)
     chosen = (path.times >= 0.02) & (path.times <= 0.1)
     for axis in range(3):
-        fit, covariance = np.polyfit(
-            path.times[chosen] - moment, path.positions[chosen, axis], 2, cov=True
-        )
+        samples = path.times[chosen] - moment, path.positions[chosen, axis]
+        fit, covariance = np.polyfit(*samples, 2, cov=True)
         deviations = np.sqrt(covariance.diagonal())
         right = fit[2], fit[1], deviations[2], deviations[1]
         assert [rows[axis] for rows in side] == pytest.approx(right, rel=closed_form(1e4))

@@ -144,14 +144,15 @@ def test_gaps_are_named_and_the_markers_that_are_seen_count():
 def test_a_contact_needs_frames_just_before_it(exact):
     """Eight, the last one 20 ms before it at most, both without its deviation."""
     begin, end = exact.times[[0, -1]]
+    h, late = 1 / 240, end + 0.024
+    half = begin + h * (np.arange(9) + 0.5)
     for near, far in (
-        ([end + 0.0199], [end + 0.0201]), ([(end + 0.024, 0.0041)], [(end + 0.024, 0.0039)]),
-        ([begin + 7.5 / 240], [begin + 6.5 / 240]),
-        ([(begin + 8.5 / 240, 0.9 / 240)], [(begin + 8.5 / 240, 1.6 / 240)]),
+        (end + 0.0199, end + 0.0201), ((late, 0.0041), (late, 0.0039)),
+        (half[7], half[6]), ((half[8], 0.9 * h), (half[8], 1.6 * h)),
     ):  # fmt: skip
-        exact.at_contact(*near)
+        exact.at_contact(near)
         with pytest.raises(kd.InvalidInput, match=r"frames of the 0\.15 s before"):
-            exact.at_contact(*far)
+            exact.at_contact(far)
     with pytest.raises(kd.InvalidInput, match=rf"known from {begin:g} to {end:g} s"):
         exact.v(0.001)
     for share, count in ((2.49, 0), (2.51, 1)):

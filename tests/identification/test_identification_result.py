@@ -10,11 +10,7 @@ from hypothesis import strategies as st
 from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
-from kickdyn.identification.identification_result import (
-    Identification,
-    mean_over_flights,
-    weighted_mean,
-)
+from kickdyn.identification.identification_result import mean_over_flights, weighted_mean
 
 BALL = kd.Ball()
 
@@ -23,7 +19,7 @@ def result(estimates, deviations, speed=20.0, count=4, **changes):
     """Return a fit of a ball that moves straight on, with estimates by name."""
     times = 7.0 + np.arange(count) / 10
     residuals = np.outer(np.arange(count), (0.1, 0.0, 0.0))  # of 1 m/s along the path
-    return Identification(**{
+    return kd.Identification(**{
         "track": kd.Track(times, np.outer(times, (speed - 1.0, 0, 0))),
         "ball": BALL, "air": kd.Air(), "launch": kd.BallState((0, 0, 1), (speed, 0, 0)),
         "names": tuple(estimates), "estimates": np.array([*estimates.values()], dtype=float),
@@ -32,13 +28,8 @@ def result(estimates, deviations, speed=20.0, count=4, **changes):
     })  # fmt: skip
 
 
-values_of_flights = st.lists(
-    st.tuples(st.floats(-1, 1), st.floats(0.01, 0.5)), min_size=2, max_size=12
-)
-
-
 @settings(max_examples=50)
-@given(values_of_flights)
+@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(0.01, 0.5)), min_size=2, max_size=12))
 def test_the_scatter_of_a_mean_explains_the_differences(pairs):
     """The equations of Paule & Mandel (1982)."""
     values, deviations = np.array(pairs).T

@@ -48,9 +48,8 @@ def check_given_back(hit):
         ("joint_impulses", hit.joint_impulses), ("v_after", hit.v_after), ("residual", 0.0),
         ("foot_velocity", hit.foot_velocity), ("effective_mass", hit.effective_mass),
     ):  # fmt: skip
-        np.testing.assert_allclose(
-            getattr(result, name), right, rtol=tolerance, atol=tolerance, err_msg=name
-        )
+        near = {"rtol": tolerance, "atol": tolerance, "err_msg": name}
+        np.testing.assert_allclose(getattr(result, name), right, **near)
     if hit.law == "newton":  # by stronge, the ratio of velocities may exceed 1
         assert result.restitution == pytest.approx(hit.contact.restitution, abs=tolerance)
         assert result.warnings == hit.posture.warnings
@@ -174,9 +173,8 @@ def test_without_spin_the_deviations_cover_what_friction_may_have_done(law):
         if hit.sticking:  # with this ratio of impulses, whatever the coefficient
             stuck, most = stuck + 1, min(slid(hit), LARGEST_FRICTION)
             # the mean of uniform coefficients, up to sticking; the interval includes 0
-            assert result.friction == pytest.approx(
-                most - most**2 / (2 * LARGEST_FRICTION), rel=1e-2
-            )
+            mean = most - most**2 / (2 * LARGEST_FRICTION)
+            assert result.friction == pytest.approx(mean, rel=1e-2)
             deviation = result.friction / COVERED
             assert result.deviations["friction"] == pytest.approx(deviation, rel=1e-2)
     assert stuck > 1

@@ -21,6 +21,7 @@ from kickdyn.planning.intercepting_kick import (
 )
 from kickdyn.planning.interception import (
     CANDIDATES,
+    IN_GROUND,
     LONGEST_WAIT,
     SHORTEST_COURSE,
     IncomingBall,
@@ -297,6 +298,8 @@ class Interceptor:
                 self._near = launch
             else:
                 _check_on_ground(before, s.ball, incoming)
+                if abs(goal.target[2]) <= IN_GROUND:  # it lies as the ball does, but for rounding
+                    goal = replace(goal, target=goal.target * [1.0, 1.0, 0.0])
                 launch = plan_pass_launch(goal, s.ball, s.air, s.surface)
             goal = goal.at(launch.time)
         target = impact_target_for(launch.velocity, launch.spin, s.ball, s.contact, before)
@@ -306,7 +309,7 @@ class Interceptor:
 def _check_on_ground(before: BallState, ball: Ball, incoming: IncomingBall) -> None:
     assert incoming.ground is not None
     above = float(before.position[2]) - ball.radius - incoming.ground.height
-    if abs(above) > 1e-3:
+    if abs(above) > IN_GROUND:
         raise InvalidInput(
             f"the ball is {above:.3g} m above the ground where it is met: a pass along the ground "
             "is for a ball that rolls"

@@ -30,9 +30,8 @@ def test_a_model_is_its_function_and_knows_its_range():
         [0, 0, 0, 0, 1]]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("reynolds", "spin"), [(0.0, 0.0), (math.nan, 0), (math.inf, 0), (1.0, -0.1), (1.0, math.inf)]
-)
+@pytest.mark.parametrize(("reynolds", "spin"), [
+    (0.0, 0.0), (math.nan, 0), (math.inf, 0), (1.0, -0.1), (1.0, math.inf)])  # fmt: skip
 def test_a_model_refuses_what_is_no_flow(reynolds, spin):
     with pytest.raises(kd.InvalidInput, match=f"half at Re {reynolds!r}.*above 0"):
         HALF(reynolds, spin)
@@ -42,9 +41,8 @@ def nearly_one(reynolds, spin_parameter):
     return 0.99
 
 
-@pytest.mark.parametrize(
-    "again", [copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
-)
+@pytest.mark.parametrize("again", [
+    copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))])  # fmt: skip
 def test_a_model_keeps_its_own_function_in_copies_and_pickles(again):
     """Also one that has the name of a shipped model; shipped models stay the same objects."""
     mine = CoefficientModel("drag", "brazuca", nearly_one, (0, 1e6), (0, 1), "here")

@@ -34,9 +34,8 @@ def test_saturating_is_within_20_percent_of_the_formula_in_its_range(ball):
 
 
 # 0.47 Sp / (0.135 + Sp), by hand, where the Brazuca's drag is least
-@pytest.mark.parametrize(
-    ("spin", "cl"), [(0.05, 0.1270), (0.10, 0.2000), (0.20, 0.2806), (0.30, 0.3241), (1.0, 0.4141)]
-)
+@pytest.mark.parametrize(("spin", "cl"), [
+    (0.05, 0.1270), (0.10, 0.2000), (0.20, 0.2806), (0.30, 0.3241), (1.0, 0.4141)])  # fmt: skip
 def test_saturating_has_its_formula_beyond_the_drag_crisis(spin, cl):
     assert saturating(17.7525 * REYNOLDS_PER_SPEED, spin) == pytest.approx(cl, abs=1e-4)
     assert saturating(25 * REYNOLDS_PER_SPEED, spin) == pytest.approx(cl, rel=0.06)

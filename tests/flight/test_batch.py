@@ -17,7 +17,7 @@ AIR = kd.Air()
 FLAGS = {"landed": 0, "aloft": 1, "failed": 2}
 
 
-@pytest.fixture(params=[False, True], ids=["Python", "machine code"])
+@pytest.fixture(autouse=True, params=[False, True], ids=["Python", "machine code"])
 def way(request, monkeypatch):
     """Flights in Python or in machine code, and not the other way."""
     monkeypatch.setattr(batch.MARCH, "pays", lambda _: request.param)
@@ -68,7 +68,6 @@ def assert_as_fly(states, ball, air, ground=None, tol=1e-12, rows=None, **option
     return many
 
 
-@pytest.mark.usefixtures("way")
 @pytest.mark.parametrize(("air", "ground", "height"), [(AIR, None, 0.0),
     (kd.Air(wind=(-6, 3, 0.5)), kd.Ground(0.0), np.linspace(0.2, 5, 40)),
     (kd.Air(wind=(-6, 3, 0.5)), kd.Ground(-40.0), 0.0),
@@ -82,7 +81,7 @@ def helper(spin_parameter, slope=0.1):
     return slope * math.tanh(spin_parameter)
 
 
-def test_functions_of_a_user_are_compiled():
+def test_functions_of_a_user():
     """With defaults, closures, functions that they call, and a wind that grows with the height."""
     gain = 0.3
 
@@ -97,7 +96,6 @@ def test_functions_of_a_user_are_compiled():
     assert_as_fly(launches(20, 3, slowest=15.0), BALL, air, tol=1e-6)
 
 
-@pytest.mark.usefixtures("way")
 @pytest.mark.parametrize("air", [None, kd.Air(density=0), kd.Air(drag=None)], ids=str)
 def test_only_flights_with_more_than_weight_are_integrated(air):
     """Lift without drag acts on balls that spin."""
@@ -107,7 +105,6 @@ def test_only_flights_with_more_than_weight_are_integrated(air):
     assert (many.evaluations.values > 0).tolist() == integrated_rows.tolist()
 
 
-@pytest.mark.usefixtures("way")
 def test_the_highest_of_several_crests_counts():
     """A light ball with strong lift flies loops."""
     states, ball = kd.BallState((0, 0, 1), [(20, 0, 6)], (0, -80, 0)), kd.Ball(0.05, 0.11)
@@ -118,16 +115,12 @@ def test_the_highest_of_several_crests_counts():
     assert ((z[1:-1] > z[:-2]) & (z[1:-1] > z[2:])).sum() > 1
 
 
-@pytest.mark.usefixtures("way")
-@pytest.mark.parametrize(
-    ("ball", "air", "limit", "status"),
-    [
-        (kd.Ball(0.002, 0.11), AIR, 20.0, [1, 1]),  # a balloon
-        (BALL, kd.Air(wind=(0, 0, 60)), 20.0, [1, 1]),
-        (BALL, None, 3.0, [1, 0]),
-        (BALL, AIR, 1.0, [1, 0]),
-    ],
-)
+@pytest.mark.parametrize(("ball", "air", "limit", "status"), [
+    (kd.Ball(0.002, 0.11), AIR, 20.0, [1, 1]),  # a balloon
+    (BALL, kd.Air(wind=(0, 0, 60)), 20.0, [1, 1]),
+    (BALL, None, 3.0, [1, 0]),
+    (BALL, AIR, 1.0, [1, 0]),
+])  # fmt: skip
 def test_a_flight_is_aloft_at_the_time_limit(ball, air, limit, status):
     states = kd.BallState(velocity=[(5, 1, 50), (1, 0, 1)])
     many = assert_as_fly(states, ball, air, tol=1e-9, time_limit=limit)
@@ -139,7 +132,6 @@ PLANE = kd.Plane((21, 0, 0), (-1, 0.2, 0))
 FAR = kd.Event("far", lambda state, numbers: 21.5**2 - state[0] ** 2 - state[1] ** 2)
 
 
-@pytest.mark.usefixtures("way")
 @pytest.mark.parametrize("air", [AIR, None], ids=["air", "vacuum"])
 @pytest.mark.parametrize("ends", [[], [FAR]], ids=["plane", "plane and event"])
 def test_many_flights_end_at_the_events_of_one(air, ends):
@@ -152,9 +144,6 @@ def test_many_flights_end_at_the_events_of_one(air, ends):
         *(e.name for e in ends)]  # fmt: skip
 
 
-# --- rows that fail -----------------------------------------------------------------------------
-
-
 def spoilt_above_30(reynolds, spin_parameter):
     return math.nan if reynolds > 4e5 else 0.2
 
@@ -165,7 +154,6 @@ def raising_above_30(reynolds, spin_parameter):
     return 0.2
 
 
-@pytest.mark.usefixtures("way")
 @pytest.mark.parametrize("coefficient", [spoilt_above_30, raising_above_30])
 @pytest.mark.parametrize("too_fast", [True, False])
 def test_a_row_without_a_coefficient_fails_and_the_others_do_not(coefficient, too_fast):
@@ -177,9 +165,6 @@ def test_a_row_without_a_coefficient_fails_and_the_others_do_not(coefficient, to
         values = many[name].values.reshape(len(velocity), -1)
         assert np.isnan(values).all(axis=1).tolist() == [False, True, False, True][: len(velocity)]
     assert not many.outside[1]
-
-
-# --- the dataset --------------------------------------------------------------------------------
 
 
 def test_the_dataset_has_units_flags_and_arguments(tmp_path):
@@ -209,9 +194,7 @@ def test_outside_are_flights_that_leave_the_data_at_launch_apex_or_landing(air):
     assert many.outside.values.any() == (air is not None)
 
 
-# --- error and slopes ---------------------------------------------------------------------------
-
-
+@pytest.mark.parametrize("way", [True], indirect=True)
 @pytest.mark.parametrize("tol", [1e-5, 1e-8, 1e-11])
 def test_the_error_of_each_flight_is_at_or_above_the_truth(tol):
     """Against the finest flights that can be asked for, which have errors of their own."""
@@ -226,7 +209,6 @@ def test_the_error_of_each_flight_is_at_or_above_the_truth(tol):
 
 
 @pytest.mark.parametrize("way", [False], indirect=True)
-@pytest.mark.usefixtures("way")
 def test_in_python_the_error_is_that_of_each_flight():
     states = launches(12, seed=7, height=0.5)
     many = fly_many(states, BALL, AIR, kd.Ground(), 1e-5, error=True)
@@ -235,7 +217,6 @@ def test_in_python_the_error_is_that_of_each_flight():
         assert error == pytest.approx(one.error, rel=integrated(1e-5)), i
 
 
-@pytest.mark.usefixtures("way")
 @pytest.mark.parametrize("plane", [None, kd.Plane((9, 0, 0), (-1, 0, 0.1))], ids=["ground", "wall"])
 def test_slopes_of_landings_are_those_of_flights_side_by_side(plane):
     velocity = np.array([[18.0, 2.0, 9.0], [25.0, -1.0, 6.0], [12.0, 0.0, 12.0]])
@@ -249,9 +230,6 @@ def test_slopes_of_landings_are_those_of_flights_side_by_side(plane):
         right, _ = flight.slopes_at_plane(normal, time)
         agrees(many.landing_by_velocity.values[i], right[:, :3], integrated(1e-9))
         agrees(many.landing_by_spin.values[i], right[:, 3:6], integrated(1e-9))
-
-
-# --- refusals -----------------------------------------------------------------------------------
 
 
 class Table:
@@ -268,6 +246,7 @@ STATES = launches(4, 2, [1.0, 0.2, 0.05, 0.0])
 ODD = kd.Event("odd", lambda state, _: float(str(state[0])))
 
 
+@pytest.mark.parametrize("way", [True], indirect=True)
 @pytest.mark.parametrize(("arguments", "options", "words"), [
     ((row_of(STATES, 0), BALL), {}, r"\(3,\).*fly_many"), ((STATES, 0.43), {}, "kickdyn.Ball"),
     ((STATES, BALL, AIR, kd.Ground()), {}, "flight 2 .*0.0598.* m inside the ground"),

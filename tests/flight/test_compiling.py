@@ -20,9 +20,6 @@ from kickdyn.flight.equations import FlightEquations
 BALL = kd.Ball()
 
 
-# --- the compiled functions are the plain ones ----------------------------------------------------
-
-
 def lanes(fast):
     """Return scene and state of `LANES` balls; if fast, all beyond Reynolds number 7e4."""
     draw = np.random.default_rng(4)
@@ -63,8 +60,6 @@ def test_exp_is_right_to_the_last_digits():
     assert math.isnan(exp(math.nan))
     assert mathematics.sin is math.sin
 
-
-# --- names of functions ---------------------------------------------------------------------------
 
 LEVEL = 0.2
 
@@ -115,15 +110,12 @@ def test_code_defaults_closures_and_globals_count_in_a_name():
     assert len(set(names)) == len(names)
 
 
-@pytest.mark.parametrize(
-    "value", [np.zeros(2), types.ModuleType("settings"), numba.njit(made(0.2)), object(), [1.0]]
-)
+@pytest.mark.parametrize("value", [
+    np.zeros(2), types.ModuleType("settings"), numba.njit(made(0.2)), object(), [1.0]])  # fmt: skip
 def test_a_function_of_a_value_that_may_change_has_no_name(value):
     assert fingerprint(made(value)) is None
     assert fingerprint(with_globals(by_name, LEVEL=value)) is None
 
-
-# --- on the disk ----------------------------------------------------------------------------------
 
 FLIGHTS = """
 import sys

@@ -31,21 +31,16 @@ def test_rates_are_those_of_the_vector_formulas(height, fallen, left):
     assert result[6] * spin == pytest.approx(right[6:], rel=closed_form(1e3))
 
 
-@pytest.mark.parametrize(
-    ("velocity", "spin", "air", "count"),
-    [
-        ((10, 3, 5), (0, 0, 0), kd.Air(drag=None, lift=None), 6),  # x and y at constant speed
-        ((0, 0, 5), (0, 0, 0), kd.Air(drag=None, lift=None), 2),
-        ((10, 0, 5), (0, 9, 0), kd.Air(), 5),
-        ((10, 0, 5), (9, 0, 0), kd.Air(torque=None), 6),
-    ],
-)
+@pytest.mark.parametrize(("velocity", "spin", "air", "count"), [
+    ((10, 3, 5), (0, 0, 0), kd.Air(drag=None, lift=None), 6),  # x and y at constant speed
+    ((0, 0, 5), (0, 0, 0), kd.Air(drag=None, lift=None), 2),
+    ((10, 0, 5), (0, 9, 0), kd.Air(), 5),
+    ((10, 0, 5), (9, 0, 0), kd.Air(torque=None), 6),
+])  # fmt: skip
 def test_states_that_change_are_counted(velocity, spin, air, count):
     launch = kd.BallState(velocity=velocity, spin=spin)
     assert FlightEquations(launch, BALL, air).count_changing() == count
 
-
-# --- what tolerances are relative to --------------------------------------------------------------
 
 VACUUM = kd.Air(density=0.0)
 
@@ -68,10 +63,9 @@ def test_with_drag_they_are_relative_to_the_closed_form_straight_up(speed):
     assert result == pytest.approx((1e-6, 2e-6 * height, 1e-6 * back), rel=closed_form(100))
 
 
-@pytest.mark.parametrize(
-    ("drag", "speed"),
-    [*(("brazuca", speed) for speed in (15.0, 60.0, 1e3)), ("stokes", 1e-3), ("sphere", 0.1)],
-)
+@pytest.mark.parametrize(("drag", "speed"), [
+    *(("brazuca", speed) for speed in (15.0, 60.0, 1e3)), ("stokes", 1e-3), ("sphere", 0.1)
+])  # fmt: skip
 def test_the_drag_length_is_of_the_least_drag_on_the_way(drag, speed):
     """From a thousandth of the speed up to the next of 8 steps a decade."""
     air = kd.Air(drag=drag)

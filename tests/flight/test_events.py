@@ -53,16 +53,13 @@ def test_a_course_ends_at_an_event_wherever_the_ball_is(distance, bounced, on_gr
     assert (bool(course.bounces), bool(course.ground_phases)) == (bounced, on_ground)
 
 
-@pytest.mark.parametrize(
-    ("velocity", "rates", "ends"),
-    [
-        ((1, 0, -1), (0, 0, -9.81), True),
-        ((1, 0, 1), (0, 0, -9.81), False),
-        ((1, 0, 0), (0, 0, -9.81), True),  # level: the weight pulls it down
-        ((1, 0, 0), (0, 0, 9.81), False),
-        ((0, 0, 0), (0, 0, 0), True),  # at rest on the ground
-    ],
-)
+@pytest.mark.parametrize(("velocity", "rates", "ends"), [
+    ((1, 0, -1), (0, 0, -9.81), True),
+    ((1, 0, 1), (0, 0, -9.81), False),
+    ((1, 0, 0), (0, 0, -9.81), True),  # level: the weight pulls it down
+    ((1, 0, 0), (0, 0, 9.81), False),
+    ((0, 0, 0), (0, 0, 0), True),  # at rest on the ground
+])  # fmt: skip
 def test_an_event_that_is_zero_at_the_launch_ends_unless_it_rises(velocity, rates, ends):
     ground = ground_event(BALL, None).launched(kd.BallState())
     state, rate = np.array([0, 0, 0, *velocity, 1.0]), np.array([*velocity, *rates, 0.0])

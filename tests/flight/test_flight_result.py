@@ -21,9 +21,6 @@ def launch(velocity, spin=(0, 0, 0), at=(0, 0, 0)):
     return kd.BallState(at, velocity, spin)
 
 
-# --- arrival ------------------------------------------------------------------------------------
-
-
 def test_arrival_is_on_the_path():
     path = kd.fly(launch((25, 3, 10), (0, -20, 10)), BALL, kd.Air(), tol=1e-12)
     there = path.arrival(20.0)
@@ -32,25 +29,19 @@ def test_arrival_is_on_the_path():
     assert path.arrival(0.0).time == 0.0
     assert path.arrival(-1.0) is None
     assert path.arrival(path.landing.position[0] + 1) is None
-
-
-def test_a_coordinate_within_the_tolerance_of_the_landing_is_reached():
+    # within the tolerance of the landing
     path = kd.fly(launch((25, 3, 10)), BALL, kd.Air(), tol=1e-6)
     end = path.landing.position
     agrees(path.arrival(end[0] * (1 + 1e-6)).position, end, integrated(1e-6))
     assert path.arrival(end[0] * (1 + 1e-4)) is None
 
 
-@pytest.mark.parametrize(("limit", "reached", "missed"),
-    [({"plane": kd.Plane((10, 0, 0), (-1, 0, 0))}, 9.5, 10.5), ({"time_limit": 0.2}, 4.0, 6.0)],
-    )  # fmt: skip
-def test_no_arrival_after_the_end(limit, reached, missed):
-    path = kd.fly(launch((25, 0, 10)), BALL, kd.Air(), **limit)
-    assert path.arrival(reached) is not None
-    assert path.arrival(missed) is None
-
-
-# --- orientation --------------------------------------------------------------------------------
+def test_no_arrival_after_the_end():
+    wall = kd.Plane((10, 0, 0), (-1, 0, 0))
+    for limit, reached, missed in (({"plane": wall}, 9.5, 10.5), ({"time_limit": 0.2}, 4.0, 6.0)):
+        path = kd.fly(launch((25, 0, 10)), BALL, kd.Air(), **limit)
+        assert path.arrival(reached) is not None
+        assert path.arrival(missed) is None
 
 
 @pytest.mark.parametrize("air", [None, kd.Air(torque=None)], ids=["vacuum", "air"])
@@ -76,9 +67,6 @@ def test_a_decaying_spin_turns_as_the_equation_of_quaternions_says():
     assert np.linalg.norm(path.landing.spin) < 0.8 * np.linalg.norm(path.launch.spin)
     agrees(turned.as_matrix(), Rotation.from_quat(q).as_matrix(), integrated(1e-9))
     assert pin.Quaternion(turned.as_quat()).matrix() == pytest.approx(turned.as_matrix())
-
-
-# --- the estimate of the error ------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("tol", [1e-6, 1e-10, 1e-12])
@@ -154,9 +142,6 @@ def test_the_error_of_a_shot_straight_up_covers_that_of_its_duration(tol):
         assert time == pytest.approx(exact, rel=integrated(tol))
 
 
-# --- warnings -----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("air", "velocity", "spin", "words"), [(kd.Air(), (24, 0, 10), 0, None),
     (kd.Air(lift=None), (29, 0, 3), 10, "drag supercritical.*above 26.9 m/s"),
     (kd.Air(lift=None), (6, 0, 2), 5, "drag supercritical: 100 %.*below 7.97 m/s"),
@@ -167,7 +152,7 @@ def test_the_error_of_a_shot_straight_up_covers_that_of_its_duration(tol):
     (kd.Air(drag=None), (12, 0, 3), 80, "below 15.1 m/s.*parameter above 0.3"),
     (kd.Air(drag=0.2, lift=None), (99, 0, 5), 0, None),
     (kd.Air(drag=0.2, lift=0.1), (859, 0, 5), 0, "859 m/s.*Mach 0.3"), (None, (859, 0, 5), 0, None),
-    ])  # fmt: skip
+])  # fmt: skip
 def test_warnings_name_the_model_the_share_and_the_limit(air, velocity, spin, words):
     lines = kd.fly(launch(velocity, (0, -spin, 0)), BALL, air).warnings
     assert len(lines) == (words is not None)

@@ -5,6 +5,7 @@ import pytest
 from tolerances import integrated
 
 import kickdyn as kd
+from kickdyn.flight.batch import MARCH
 
 RNG = np.random.default_rng(1)
 N = 12
@@ -13,7 +14,12 @@ STATES = kd.BallState(RNG.uniform((0, 0, 0.11), (1, 1, 1.2), (N, 3)),
 TURF = kd.Ground(0.0, "turf")
 LYING = kd.BallState((0, 0, 0.11), [(0, 0, 0), (0, 0, 0), (0, 0, -1), (1e-9, 0, 0), (-2, 0, 0)],
                      [(0, 0, 0), (0, 0, 9), (0, 0, 0), (0, 0, 0), (0, -2 / 0.11, 0)])  # fmt: skip
-WIND = kd.Air(wind=(3, 1, 0))
+WIND, SHEAR = kd.Air(wind=(3, 1, 0)), kd.Air(wind=lambda z: (3.0 + 2.0 * z, 1.0, 0.0))
+
+
+@pytest.fixture(autouse=True, params=[False, True], ids=["Python", "machine code"])
+def way(request, monkeypatch):
+    monkeypatch.setattr(MARCH, "pays", lambda _: request.param)
 
 
 def far(state, numbers):
@@ -22,7 +28,7 @@ def far(state, numbers):
 
 @pytest.mark.parametrize(("states", "air", "options", "statuses"), [(STATES, None, {}, {"at-rest"}),
     (STATES, None, {"ground": kd.Ground(0.0, "steel")}, {"at-rest"}),
-    (STATES, WIND, {}, {"at-rest"}),
+    (STATES, SHEAR, {}, {"at-rest"}),
     (STATES, kd.Air(wind=(18, 1, 0)), {"time_limit": 6.0}, {"blown"}),
     (STATES, WIND, {"plane": kd.Plane((12, 0, 0), (-1, 0, 0))}, {"at-rest", "at-plane"}),
     (STATES, None, {"ends": [kd.Event("far", far)]}, {"at-rest", "far"}),

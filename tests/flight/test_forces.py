@@ -65,24 +65,19 @@ def test_a_ball_that_moves_with_the_wind_feels_neither_drag_nor_lift(velocity):
 SPIN, STILL = np.array([0.0, 1.0, 0.0]), np.zeros(3)
 
 
-@pytest.mark.parametrize(
-    ("air", "spin", "closed", "braked"),
-    [
-        (None, SPIN, True, False),
-        (kd.Air(density=0.0), SPIN, True, False),
-        (kd.Air(drag=None, lift=None, torque=None), SPIN, True, False),
-        (kd.Air(drag=None, lift=None), SPIN, False, True),
-        (kd.Air(drag=None), STILL, True, False),  # lift needs spin
-        (kd.Air(drag=None, torque=None), SPIN, False, False),
-        (kd.Air(lift=None), STILL, False, False),
-    ],
-)
+@pytest.mark.parametrize(("air", "spin", "closed", "braked"), [
+    (None, SPIN, True, False),
+    (kd.Air(density=0.0), SPIN, True, False),
+    (kd.Air(drag=None, lift=None, torque=None), SPIN, True, False),
+    (kd.Air(drag=None, lift=None), SPIN, False, True),
+    (kd.Air(drag=None), STILL, True, False),  # lift needs spin
+    (kd.Air(drag=None, torque=None), SPIN, False, False),
+    (kd.Air(lift=None), STILL, False, False),
+])  # fmt: skip
 def test_a_closed_form_answers_where_only_weight_acts(air, spin, closed, braked):
     assert is_ballistic(air, spin) is closed
     assert brakes(air, spin) is braked
 
-
-# --- the vacuum ---------------------------------------------------------------------------------
 
 SPEED = st.floats(-1e3, 1e3)
 
@@ -99,18 +94,15 @@ def test_time_to_fall_is_the_later_root(rise, drop, g):
     assert time_to_fall(rise, drop, g) == pytest.approx(right, rel=closed_form())
 
 
-@pytest.mark.parametrize(
-    ("rise", "drop", "g", "time"),
-    [
-        (-1e8, 1.0, 9.81, 1e-8 / (1 + 9.81e-16 / 2)),  # without cancellation
-        (1e-200, 0.0, 9.81, 2e-200 / 9.81),  # its square is 0 in float64
-        (1.0, 1.0, -9.81, math.inf),  # a balloon
-        (1.0, 1.0, 0.0, math.inf),
-        (-2.0, 1.0, 0.0, 0.5),
-        (-2.0, 1.0, -1.0, 2 - math.sqrt(2)),  # slowed, it still comes down
-        (-1.0, 1.0, -1.0, math.inf),  # slowed, it turns before
-    ],
-)
+@pytest.mark.parametrize(("rise", "drop", "g", "time"), [
+    (-1e8, 1.0, 9.81, 1e-8 / (1 + 9.81e-16 / 2)),  # without cancellation
+    (1e-200, 0.0, 9.81, 2e-200 / 9.81),  # its square is 0 in float64
+    (1.0, 1.0, -9.81, math.inf),  # a balloon
+    (1.0, 1.0, 0.0, math.inf),
+    (-2.0, 1.0, 0.0, 0.5),
+    (-2.0, 1.0, -1.0, 2 - math.sqrt(2)),  # slowed, it still comes down
+    (-1.0, 1.0, -1.0, math.inf),  # slowed, it turns before
+])  # fmt: skip
 def test_time_to_fall_of_special_falls(rise, drop, g, time):
     assert time_to_fall(rise, drop, g) == pytest.approx(time, rel=closed_form())
     many = time_to_fall(np.full(2, rise), np.full(2, drop), np.full(2, g))

@@ -127,8 +127,8 @@ def test_the_time_to_rest_is_that_of_constant_forces():
     assert time_to_rest(velocity, 3 * wind, 0.7).tolist() == [math.inf, math.inf]
 
 
-@pytest.mark.parametrize(
-    ("velocity", "turns"), [((1, 0, 0), False), ((0, 0, 0), True), ((0, -2, 0), True)])  # fmt: skip
+@pytest.mark.parametrize(("velocity", "turns"), [
+    ((1, 0, 0), False), ((0, 0, 0), True), ((0, -2, 0), True)])  # fmt: skip
 def test_a_strong_wind_does_not_let_a_ball_rest(velocity, turns):
     """The phase ends at the time limit, or where the ball would turn."""
     path = roll(on_ground(velocity), BALL, kd.Air(wind=(0, 30, 0)), TURF, 1e-9, time_limit=60.0)

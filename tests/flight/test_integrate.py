@@ -19,9 +19,6 @@ def launch(velocity, height=0.0, spin=(0, 0, 0)):
     return kd.BallState((0, 0, height), velocity, spin)
 
 
-# --- closed forms -------------------------------------------------------------------------------
-
-
 def test_lift_alone_turns_a_ball_in_circles():
     """Neutrally buoyant and without drag: ten circles with the radius 2 m / (rho A C_L)."""
     air = kd.Air(drag=None, lift=constant(0.5), torque=None)
@@ -36,14 +33,11 @@ def test_lift_alone_turns_a_ball_in_circles():
     assert true < path.error < 10 * true
 
 
-@pytest.mark.parametrize(
-    ("velocity", "end", "least"),
-    [
-        ((25, 2, 12), 2.5, 7.5),
-        ((2, 0.3, 6), 1.2, 6.0),  # through Re 2e4 to 7e4, where formulas join
-        ((50, 2, 22), 3.0, 7.0),  # through 35 m/s, where the data end
-    ],
-)
+@pytest.mark.parametrize(("velocity", "end", "least"), [
+    ((25, 2, 12), 2.5, 7.5),
+    ((2, 0.3, 6), 1.2, 6.0),  # through Re 2e4 to 7e4, where formulas join
+    ((50, 2, 22), 3.0, 7.0),  # through 35 m/s, where the data end
+])  # fmt: skip
 def test_the_error_falls_with_about_the_eighth_power_of_the_evaluations(velocity, end, least):
     motion = FlightEquations(launch(velocity, spin=(5, -30, 15)), BALL, kd.Air())
 
@@ -56,9 +50,6 @@ def test_the_error_falls_with_about_the_eighth_power_of_the_evaluations(velocity
     errors = [np.abs(each.state - exact).max() for each in arcs]
     slope, _ = np.polyfit(np.log([each.evaluations for each in arcs]), np.log(errors), 1)
     assert -slope > least
-
-
-# --- events of a parabola -------------------------------------------------------------------------
 
 
 def fall(_, y):

@@ -51,15 +51,13 @@ def test_a_mot_file_in_radians(tmp_path):
     assert kd.BodyTrack.from_mot(file).angles["knee_angle_r"] == pytest.approx([90, -45])
 
 
-@pytest.mark.parametrize(
-    ("ending", "text", "message"),
-    [("trc", "no", "not a TRC file"), ("trc", trc(POINTS, "inch"), r"'inch'.*mm, cm, m"),
-     ("trc", trc(POINTS).replace("0.01", "0.00"), "times must increase"),
-     ("trc", trc(POINTS).replace("100.0", "x"), "line 7"), ("mot", "time a\n", "not a MOT file"),
-     ("mot", "endheader\ntime a a\n0 1 2\n", "line 2 .*different columns"),
-     ("mot", "endheader\ntime a\n", "no row"), ("mot", "endheader\ntime a\n0 1\n0 2\n", "line 4")],
-    ids=range(8),
-)  # fmt: skip
+@pytest.mark.parametrize(("ending", "text", "message"), [
+    ("trc", "no", "not a TRC file"), ("trc", trc(POINTS, "inch"), r"'inch'.*mm, cm, m"),
+    ("trc", trc(POINTS).replace("0.01", "0.00"), "times must increase"),
+    ("trc", trc(POINTS).replace("100.0", "x"), "line 7"), ("mot", "time a\n", "not a MOT file"),
+    ("mot", "endheader\ntime a a\n0 1 2\n", "line 2 .*different columns"),
+    ("mot", "endheader\ntime a\n", "no row"), ("mot", "endheader\ntime a\n0 1\n0 2\n", "line 4")
+], ids=range(8))  # fmt: skip
 def test_a_faulty_file_is_refused(tmp_path, ending, text, message):
     file = tmp_path / f"kick.{ending}"
     file.write_text(text)
@@ -112,3 +110,10 @@ def test_the_centre_of_a_ball_is_as_far_from_all_markers_as_its_radius():
     distances = np.linalg.norm(arms, axis=2)
     slopes = ((distances - RADIUS)[..., None] * arms / distances[..., None]).sum(axis=1)
     assert np.abs(slopes).max() < optimized() * np.abs(distances - RADIUS).max()
+    # the corners of a tetrahedron have its centre as theirs; they may be 5 % off the ball
+    corners = RADIUS * np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]) / np.sqrt(3.0)
+    for share in (0.951, 1.049):
+        track, centre = ball_with_markers(share * corners)
+        agrees(track.marker_track(*"abcd", radius=RADIUS).positions, centre, optimized())
+    with pytest.raises(kd.InvalidInput, match=r"5\.61 mm from a sphere"):
+        ball_with_markers(1.051 * corners)[0].marker_track(*"abcd", radius=RADIUS)

@@ -54,9 +54,8 @@ def test_the_sides_of_a_contact_are_those_of_polyfit():
     side = ball_side(path, "after", 0.02, 0.1, moment)
     chosen = (path.times >= 0.02) & (path.times <= 0.1)
     for axis in range(3):
-        fit, covariance = np.polyfit(
-            path.times[chosen] - moment, path.positions[chosen, axis], 2, cov=True
-        )
+        samples = path.times[chosen] - moment, path.positions[chosen, axis]
+        fit, covariance = np.polyfit(*samples, 2, cov=True)
         deviations = np.sqrt(covariance.diagonal())
         right = fit[2], fit[1], deviations[2], deviations[1]
         assert [rows[axis] for rows in side] == pytest.approx(right, rel=closed_form(1e4))
@@ -79,15 +78,13 @@ def test_the_deviation_of_the_time_moves_along_the_motion():
 SIDEWAYS = kd.Track(*(lambda t: (t.times, t.positions[:, [0, 2, 1]]))(ball_track(np.ones_like)))
 
 
-@pytest.mark.parametrize(
-    ("contact", "message"),
-    [((0.1, 0.2, 0.3), r"\[0.1, 0.2, 0.3\].*deviation"), ((0.1, -1.0), "deviation .* -1.0"),
-     (kd.Track(np.arange(80) / 200 - 0.2, np.zeros((80, 3))), "changes by 0 m/s"),
-     (ball_track(np.ones_like)[:70], r"changes by \S+ m/s.* kick"),
-     (kd.Track(np.arange(4) / 100, np.zeros((4, 3))), "4 samples: at least 10"),
-     (SIDEWAYS, r"along y.*z up")],
-    ids=range(6),
-)  # fmt: skip
+@pytest.mark.parametrize(("contact", "message"), [
+    (-0.2, r"contact is -0\.2 s: the track is from -0\.2 to -0\.02 s"), (0.0001, "track is from"),
+    ((0.1, 0.2, 0.3), r"\[0.1, 0.2, 0.3\].*deviation"), ((0.1, -1.0), "deviation .* -1.0"),
+    (kd.Track(np.arange(80) / 200 - 0.2, np.zeros((80, 3))), "changes by 0 m/s"),
+    (ball_track(np.ones_like)[:70], r"changes by \S+ m/s.* kick"),
+    (kd.Track(np.arange(4) / 100, np.zeros((4, 3))), "4 samples: at least 10"),
+    (SIDEWAYS, r"along y.*z up")], ids=range(8))  # fmt: skip
 def test_what_is_no_contact_is_refused(contact, message):
     with pytest.raises(kd.InvalidInput, match=message):
         kd.fit_motion(track(50), LEG, PLACES, contact=contact)

@@ -1,10 +1,13 @@
 """Motions from markers: against the motion that made them, with noise, gaps and faults."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from kick_motion import HIP, KNEE, LEG, PLACES, state, track, velocity
-from tolerances import closed_form, optimized, sampled
+from tolerances import agrees, closed_form, optimized, sampled
 
 import kickdyn as kd
 
@@ -115,17 +118,46 @@ def test_nothing_is_smoothed_across_the_impact():
 
 def test_gaps_are_named_and_the_markers_that_are_seen_count():
     def hide(positions):
-        positions[5, 0] = np.nan
+        positions[[5, 46, 47], 0] = np.nan
         positions[7:9, 3:] = np.nan
         positions[30, 11] += 0.05
+        positions[20, 4] += 0.03
 
     motion = kd.fit_motion(changed(hide), LEG, PLACES, scale=False)
-    assert motion.gaps["base0"] == (5,)
+    assert motion.gaps["base0"] == (5, 46, 47)
+    for contact, frames in ((-0.005, 2), (-0.01, 0)):  # after frames 46 and 45
+        lines = kd.fit_motion(changed(hide), LEG, PLACES, scale=False, contact=contact).warnings
+        named = [line for line in lines if "not seen in frame" in line]
+        assert ["'base0' (2 frames)" in line for line in named] == [True] * (frames > 0)
     assert motion.gaps["thigh1"] == motion.undetermined == (7, 8)
     for k, coordinates in ((5, 12), (7, 6), (9, 12)):  # only the pelvis in frame 7
         error = pin.difference(LEG.model, state(motion.times[k]), motion.configurations[k])
         assert np.abs(error[:coordinates]).max() < optimized(), f"frame {k}"
-    assert any("frame 30, 'foot2'" in line for line in motion.warnings)
+    (line,) = (line for line in motion.warnings if "miss their places" in line)
+    sizes = re.findall(r"'(\w+)' by (\d+) mm", line)  # from the farthest to the nearest
+    assert "in frame 30, 'foot2'" in line
+    assert [int(size) for _, size in sizes] == sorted((int(x) for _, x in sizes), reverse=True)
+    assert len(sizes) > 1
+    assert "and in 1 other frames" in line
+
+
+def test_a_contact_needs_frames_just_before_it(exact):
+    """Eight, the last one 20 ms before it at most, both without its deviation."""
+    begin, end = exact.times[[0, -1]]
+    h, late = 1 / 240, end + 0.024
+    half = begin + h * (np.arange(9) + 0.5)
+    for near, far in (
+        (end + 0.0199, end + 0.0201), ((late, 0.0041), (late, 0.0039)),
+        (half[7], half[6]), ((half[8], 0.9 * h), (half[8], 1.6 * h)),
+    ):  # fmt: skip
+        exact.at_contact(near)
+        with pytest.raises(kd.InvalidInput, match=r"frames of the 0\.15 s before"):
+            exact.at_contact(far)
+    with pytest.raises(kd.InvalidInput, match=rf"known from {begin:g} to {end:g} s"):
+        exact.v(0.001)
+    for share, count in ((2.49, 0), (2.51, 1)):
+        lines = replace(exact, residuals={"a": 1.0, "b": share, "c": 1.0}).warnings
+        assert sum("marker 'b' is" in line for line in lines) == count
 
 
 @pytest.mark.parametrize(("angle", "count"), [(50.0, 0), (70.0, 1)])
@@ -137,26 +169,30 @@ def test_a_pelvis_that_is_tilted_by_more_than_60_degrees_is_named(angle, count):
     assert sum("the pelvis is tilted" in line for line in lines) == count
 
 
+def standing_on_y(positions):
+    """Turn y up, and exchange two markers in a frame."""
+    put(5, [0, 1], place=(5, [1, 0]))(positions)
+    positions[:] = positions[..., [0, 2, 1]] * (1, 1, -1)
+
+
 KEEP = put(0, 0, value=np.nan)
 MIRRORED = {name: (link, (x, -y, z)) for name, (link, (x, y, z)) in PLACES.items()}
 
 
-@pytest.mark.parametrize(
-    ("change", "markers", "message"),
-    [
-        (lambda p: p.__imul__(1000), PLACES, "millimetres"),
-        (put(5, [0, 1], place=(5, [1, 0])), PLACES, r"'base[01]' is .* frame 5.*NaN"),
-        (lambda p: p.__setitem__((..., 1), -p[..., 1]), PLACES, "'base0', 'base1' are swapped"),
-        (put(slice(None), slice(9, None), value=np.nan), PLACES, "'foot0' is not seen"),
-        (KEEP, {k: v for k, v in PLACES.items() if "foot" not in k},
-         "too few .*(ankle|subtalar).*3 on shank, 0 on foot"),
-        (KEEP, MIRRORED, "base0, base1, base2 are 0.117 m to the right"), (KEEP, {}, "empty"),
-        (KEEP, {"x": "foot"}, "'x'"), (KEEP, {"foot0": "hand"}, "hand"),
-        (KEEP, {"foot0": ("foot", 1, 2)}, "'foot0'"),
-        (KEEP, PLACES | {"foot0": ("foot", (100, 30, 20))}, r"\[100.0, 30.0, 20.0\].*metres"),
-    ],
-    ids=range(11),
-)  # fmt: skip
+@pytest.mark.parametrize(("change", "markers", "message"), [
+    (lambda p: p.__imul__(1000), PLACES, "millimetres"),
+    (put(5, [0, 1], place=(5, [1, 0])), PLACES, r"'base[01]' is .* frame 5.* segment; .*NaN"),
+    (put(4, [0, 1], place=(4, [1, 0])), PLACES, "'base0', 'base1' may be swapped in frame 4"),
+    (standing_on_y, PLACES, r"'base[01]' .* \(y seems to point up: see `up`\); in a few"),
+    (lambda p: p.__setitem__((..., 1), -p[..., 1]), PLACES, "'base0', 'base1' are swapped"),
+    (put(slice(None), slice(9, None), value=np.nan), PLACES, "'foot0' is not seen"),
+    (KEEP, {k: v for k, v in PLACES.items() if "foot" not in k},
+     "too few .*(ankle|subtalar).*3 on shank, 0 on foot"),
+    (KEEP, MIRRORED, "base0, base1, base2 are 0.117 m to the right"), (KEEP, {}, "empty"),
+    (KEEP, {"x": "foot"}, "'x'"), (KEEP, {"foot0": "hand"}, "hand"),
+    (KEEP, {"foot0": ("foot", 1, 2)}, "'foot0'"),
+    (KEEP, PLACES | {"foot0": ("foot", (100, 30, 20))}, r"\[100.0, 30.0, 20.0\].*metres"),
+], ids=range(13))  # fmt: skip
 def test_markers_that_do_not_fit_the_leg_are_refused(change, markers, message):
     with pytest.raises(kd.InvalidInput, match=message):
         kd.fit_motion(changed(change, rate=50), LEG, markers)
@@ -178,6 +214,20 @@ def test_joint_angles_of_a_file():
         lines = kd.fit_motion(kd.BodyTrack(times, angles=angles), leg, angles=names).warnings
         assert len(lines) == count
     assert "knee is outside its range of 0 to 140 deg in 48 frames" in lines[0]
+    angles["hip_r"][[3, 7]] = np.nan
+    part = kd.fit_motion(kd.BodyTrack(times, angles=angles), leg, angles=names)
+    assert part.undetermined == (3, 7)
+    assert part.frames == (*range(3), *range(4, 7), *range(8, 48))
+    assert part.times.tolist() == np.delete(times, [3, 7]).tolist()
+    variances = np.linalg.inv(part.information)
+    agrees(variances, np.tile(np.radians(0.5) ** 2 * np.eye(3), (46, 1, 1)), closed_form())
+    angles["ankle_r"] = np.where(np.arange(48) < 9, 0.0, np.nan)
+    few = kd.BodyTrack(times, angles=angles)
+    with pytest.raises(kd.InvalidInput, match="7 frames with all angles: at least 8"):
+        kd.fit_motion(few, leg, angles=names)
+    degrees = {name: np.full(48, 13.0) for name in angles}  # 4 pi is 12.6
+    with pytest.raises(kd.InvalidInput, match="up to 13, as in degrees"):
+        kd.fit_motion(kd.BodyTrack(times, angles=degrees), leg, angles=names)
     for named, message in (({"hip": "hip_r"}, "hip, knee"), (names | {"hip": "x"}, "'x' is not")):
         with pytest.raises(kd.InvalidInput, match=message):
             kd.fit_motion(whole, leg, angles=named)

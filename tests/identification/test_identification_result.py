@@ -1,5 +1,8 @@
 """The numbers of a fit: which of them are given, how they are printed, means over flights."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,11 +10,7 @@ from hypothesis import strategies as st
 from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
-from kickdyn.identification.identification_result import (
-    Identification,
-    mean_over_flights,
-    weighted_mean,
-)
+from kickdyn.identification.identification_result import mean_over_flights, weighted_mean
 
 BALL = kd.Ball()
 
@@ -20,7 +19,7 @@ def result(estimates, deviations, speed=20.0, count=4, **changes):
     """Return a fit of a ball that moves straight on, with estimates by name."""
     times = 7.0 + np.arange(count) / 10
     residuals = np.outer(np.arange(count), (0.1, 0.0, 0.0))  # of 1 m/s along the path
-    return Identification(**{
+    return kd.Identification(**{
         "track": kd.Track(times, np.outer(times, (speed - 1.0, 0, 0))),
         "ball": BALL, "air": kd.Air(), "launch": kd.BallState((0, 0, 1), (speed, 0, 0)),
         "names": tuple(estimates), "estimates": np.array([*estimates.values()], dtype=float),
@@ -29,13 +28,8 @@ def result(estimates, deviations, speed=20.0, count=4, **changes):
     })  # fmt: skip
 
 
-values_of_flights = st.lists(
-    st.tuples(st.floats(-1, 1), st.floats(0.01, 0.5)), min_size=2, max_size=12
-)
-
-
 @settings(max_examples=50)
-@given(values_of_flights)
+@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(0.01, 0.5)), min_size=2, max_size=12))
 def test_the_scatter_of_a_mean_explains_the_differences(pairs):
     """The equations of Paule & Mandel (1982)."""
     values, deviations = np.array(pairs).T
@@ -77,16 +71,26 @@ def test_the_picture_has_the_fitted_and_the_measured_positions():
     assert all(line.get_xdata().tolist() == track.times.tolist() for line in rest.lines)
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "largest"),
-    [
-        ("back_spin", 100.0, 20.0), ("side_spin", 100.0, 20.0), ("gyro_spin", 100.0, 20.0),
-        ("drag", 0.25, 0.1), ("drag_scale", 1.2, 0.5), ("lift_scale", 1.2, 0.5),
-        ("wind_x", 8.0, 3.0), ("wind_y", -8.0, 3.0),
-        ("drag", 0.1, 0.05),  # half the value
-        ("wind_x", 0.1, 0.15), ("back_spin", 0.5, 1.0), ("drag", 0.0, 0.005),  # near zero
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("changes", "words"), [
+    (lambda x: {"residuals": np.full((4, 3), x * BALL.radius / 3**0.5)}, "the ball's radius"),
+    (lambda x: {"estimates": np.array([0.1 * (1.0 - x)])}, "drag is -.* below 0"),
+    (lambda x: {"widening": max(x, 1.0)}, "correlated.* factor of 1"),
+    (lambda x: {"used": x < np.array([2.0, 2.0, 1.0, 2.0])}, "^1 of 4 samples"),
+    (lambda x: {"curved": ("drag",) * (x > 1)}, "deviations of drag were increased"),
+], ids=["distance", "drag", "correlation", "outliers", "curved"])  # fmt: skip
+def test_a_fit_warns_on_one_side_of_a_limit(changes, words):
+    for x, count in ((0.99, 0), (1.01, 1)):
+        lines = replace(result({"drag": 0.2}, [1e-5]), **changes(x)).warnings
+        assert sum(bool(re.search(words, line)) for line in lines) == count, lines
+
+
+@pytest.mark.parametrize(("name", "value", "largest"), [
+    ("back_spin", 100.0, 20.0), ("side_spin", 100.0, 20.0), ("gyro_spin", 100.0, 20.0),
+    ("drag", 0.25, 0.1), ("drag_scale", 1.2, 0.5), ("lift_scale", 1.2, 0.5),
+    ("wind_x", 8.0, 3.0), ("wind_y", -8.0, 3.0),
+    ("drag", 0.1, 0.05),  # half the value
+    ("wind_x", 0.1, 0.15), ("back_spin", 0.5, 1.0), ("drag", 0.0, 0.005),  # near zero
+])  # fmt: skip
 def test_a_value_is_given_up_to_a_deviation(name, value, largest):
     """About half of what it usually is; half the value; a twentieth of the first near zero."""
     for share, is_given in ((0.99, True), (1.01, False)):

@@ -51,11 +51,9 @@ def test_a_track_without_noise_gives_the_truth():
     assert result.flight.launch.velocity == pytest.approx(result.launch.velocity)
 
 
-@pytest.mark.parametrize(
-    ("free", "wind"),
-    [(("spin", "drag", "lift-scale"), (2.0, -1.0, 0.5)), (("drag", "wind"), (0, 0, 0.5))],
-    ids=["lift", "wind"],
-)
+@pytest.mark.parametrize(("free", "wind"), [
+    (("spin", "drag", "lift-scale"), (2.0, -1.0, 0.5)), (("drag", "wind"), (0, 0, 0.5))
+], ids=["lift", "wind"])  # fmt: skip
 def test_drag_lift_and_wind_of_a_flight(free, wind):
     air = kd.Air(wind=(2.0, -1.0, 0.5), drag=constant(0.25))
     track = flown(spin=(0, -60, 20) if "spin" in free else (0, 0, 0), air=air, rate=20.0)
@@ -168,19 +166,17 @@ def test_where_the_sum_of_squares_is_not_quadratic_the_deviation_is_that_of_its_
     assert squares[1] - squares[0] > 2.0
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [({"free": ("spin", "mass")}, r"'mass'.*spin, drag"), ({"free": 3}, "free is 3"),
-     ({"free": ("drag", "drag-scale")}, "drag and drag-scale"),
-     ({"free": ("lift-scale",), "air": kd.Air(lift=None)}, "no lift model"),
-     ({"free": ("wind",), "air": kd.Air(wind=lambda z: (0, 0, 0))}, "function of height"),
-     ({"track": STRAIGHT[:4]}, "4 samples"), ({"track": [STRAIGHT]}, r"kickdyn\.Track"),
-     ({"track": kd.Track(STRAIGHT.times, STRAIGHT.positions / 0.3048)}, "feet"),
-     ({"track": kd.Track(1000 * STRAIGHT.times, STRAIGHT.positions)}, "milliseconds"),
-     ({"track": kd.Track([*STRAIGHT.times[:-1], 1e9], STRAIGHT.positions)}, r"1e\+09 s.*30 s"),
-     ({"track": kd.Track(STRAIGHT.times, 0 * STRAIGHT.positions + 1)}, "stays at")],
-    ids=range(11),
-)  # fmt: skip
+@pytest.mark.parametrize(("options", "message"), [
+    ({"free": ("spin", "mass")}, r"'mass'.*spin, drag"), ({"free": 3}, "free is 3"),
+    ({"free": ("drag", "drag-scale")}, "drag and drag-scale"),
+    ({"free": ("lift-scale",), "air": kd.Air(lift=None)}, "no lift model"),
+    ({"free": ("wind",), "air": kd.Air(wind=lambda z: (0, 0, 0))}, "function of height"),
+    ({"track": STRAIGHT[:4]}, "4 samples"), ({"track": [STRAIGHT]}, r"kickdyn\.Track"),
+    ({"track": kd.Track(STRAIGHT.times, STRAIGHT.positions / 0.3048)}, "feet"),
+    ({"track": kd.Track(1000 * STRAIGHT.times, STRAIGHT.positions)}, "milliseconds"),
+    ({"track": kd.Track([*STRAIGHT.times[:-1], 1e9], STRAIGHT.positions)}, r"1e\+09 s.*30 s"),
+    ({"track": kd.Track(STRAIGHT.times, 0 * STRAIGHT.positions + 1)}, "stays at")
+], ids=range(11))  # fmt: skip
 def test_wrong_arguments_are_refused(options, message):
     with pytest.raises(kd.InvalidInput, match=message):
         kd.identify(**{"track": STRAIGHT, "ball": BALL, **options})

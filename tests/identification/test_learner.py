@@ -86,6 +86,8 @@ def test_before_the_first_kick_it_knows_the_prior():
     uncertain = (by[:, :6] * PRIOR_SIZES**2) @ by[:, :6].T
     agrees(learner.landing_uncertainty, uncertain, 100 * differenced(1))
     assert not learner.is_done
+    prior = {"wind_x": 0.5, "restitution": 0.05}
+    assert learner_for(prior=prior).deviations == pytest.approx(PRIOR | prior)
 
 
 @pytest.mark.parametrize("leg", [None, kd.Leg.human()], ids=["launch", "kick"])
@@ -123,8 +125,13 @@ def test_a_track_tells_drag_and_wind():
     errors = (unknowns_of(learner) - truth) / sizes_of(learner)
     assert np.sqrt(np.mean(errors**2)) < 1.0 + sampled(12)
     assert (sizes_of(learner)[:3] < 0.3 * PRIOR_SIZES[:3]).all()
-    with pytest.raises(kd.InvalidInput, match=r"begins at -0\.9 s"):
-        learner.observe(kd.Track(times - 1.0, positions))
+    for seen, time, words in (
+        (kd.Track(times - 1.0, positions), None, r"begins at -0\.9 s"),
+        (kd.Track(times, positions), 1.0, "times already"),
+        ([30.0], None, r"shape \(1,\)"), ([30.0, 0.0], 0.0, "time is 0"),
+    ):  # fmt: skip
+        with pytest.raises(kd.InvalidInput, match=words):
+            learner.observe(seen, time)
     assert len(learner.shots) == 1
 
 
@@ -144,6 +151,8 @@ def test_kicks_of_a_leg_are_learned():
         assert expected[:2] == pytest.approx(goal.target[:2], abs=1e-3)
         learner.observe(seen[:2], seen[2])
     assert misses[-1] < 0.05 * misses[0]
+    kick = learner_for(goal, kd.Leg.human(), friction=0.3, ball_height=-0.5).command.impact
+    assert (kick.contact.friction, kick.ball_before.position[2]) == (0.3, pytest.approx(-0.5))
 
 
 def test_learning_is_done_where_scatter_explains_the_miss():
@@ -169,3 +178,14 @@ def test_learning_is_done_where_scatter_explains_the_miss():
 def test_a_restitution_near_0_or_1_is_a_warning():
     warned = [e for e in (0.01, 0.03, 0.97, 0.99) if learner_for(restitution=e).warnings]
     assert warned == [0.01, 0.99]
+
+
+@pytest.mark.parametrize(("options", "words"), [
+    ({"goal": kd.Goal((30.0, 0.0, 1.0), time=1.5)}, "goal is 1 m above"),
+    ({"air": kd.Air(drag=None)}, "no drag"), ({"air": kd.Air(wind=lambda z: (0, 0, 0))}, "height"),
+    ({"goal": kd.Goal(30.0, time=1.5, receiver_velocity=(1, 0, 0))}, "receiver velocity is .1"),
+    ({"prior": {"mass": 0.1}}, "has .'mass'"), ({"prior": {"wind_x": 0.0}}, "prior wind_x is"),
+    ({"restitution": 0.0}, "restitution is 0"), ({"motion": True}, "without a leg")])  # fmt: skip
+def test_what_cannot_be_learned_is_refused(options, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        kd.Learner(**{"goal": GOAL, "ball": BALL, "air": MODEL, **options})

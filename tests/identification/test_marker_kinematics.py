@@ -88,10 +88,9 @@ def test_the_covariance_of_lengths_is_that_of_the_normal_equations(fitted):
     normal = np.zeros((count, count))
     normal[:JOINTS, :JOINTS] = np.eye(JOINTS) * (MARKER_NOISE / SCALE_DEVIATION) ** 2
     for k, t in enumerate(times):
-        by_q = by_differences(
-            lambda x, t=t: placed(pin.integrate(MODEL, state(t), x), scales), LEG.nv
-        )
-        by_scale = by_differences(lambda x, t=t: placed(state(t), scales + x), JOINTS)
+        q = state(t)
+        by_q = by_differences(lambda x, q=q: placed(pin.integrate(MODEL, q, x), scales), LEG.nv)
+        by_scale = by_differences(lambda x, q=q: placed(q, scales + x), JOINTS)
         rows = np.zeros((3 * len(MARKERS), count))
         rows[:, :JOINTS] = by_scale
         rows[:, JOINTS + k * LEG.nv : JOINTS + (k + 1) * LEG.nv] = by_q

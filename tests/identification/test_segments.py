@@ -7,7 +7,7 @@ from tolerances import agrees, closed_form, sampled
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.identification.segments import _median
-from kickdyn.identification.segments_result import Measured, SegmentKind
+from kickdyn.identification.segments_result import Measured, SegmentKind, Segments
 
 BALL = kd.Ball()
 GROUND = kd.Ground(surface=kd.Surface("test", 0.6, 0.5, 0.8))
@@ -177,7 +177,25 @@ def test_a_ball_on_the_ground_rests_or_rolls(speed, kind, below):
     times = np.arange(0.0, 1.5, 0.01)
     places = np.column_stack([speed * times, 0.0 * times, np.full(150, BALL.radius - below)])
     track = kd.Track(times, places + np.random.default_rng(1).normal(0, 1e-4, places.shape))
-    assert {part.kind for part in kd.segments(track, BALL, GROUND).parts} == {kind}
+    found = kd.segments(track, BALL, GROUND)
+    assert ({part.kind for part in found.parts}, found.warnings) == ({kind}, ())
+
+
+def test_what_is_no_surface_is_refused():
+    track, measured = kd.Track([0.0], [(0, 0, 0)]), Measured(0.5, 0.1, 1)
+    back = measured._replace(median=-0.5)
+    for bounce, rolling, words in (
+        (measured, back, "accelerates"), (None, measured, "no bounce"), (measured, None, "no part"),
+    ):  # fmt: skip
+        with pytest.raises(kd.InvalidInput, match=words):
+            _ = Segments(track, (), bounce, bounce, rolling, ()).surface
+
+
+@pytest.mark.parametrize("turned", [[0, 1, 2], [0, 2, 1], [2, 1, 0]], ids=["z", "y", "x"])
+def test_a_track_whose_z_is_not_up_is_named(turned):
+    times = np.arange(0.0, 1.0, 0.01)
+    warnings = kd.segments(kd.Track(times, thrown(times)[:, turned]), BALL).warnings
+    assert any("never falls along z" in line for line in warnings) == (turned != [0, 1, 2])
 
 
 def test_a_lower_bound_is_two_deviations_below_the_largest():

@@ -12,7 +12,7 @@ from tolerances import closed_form
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.errors import FaultyFile
-from kickdyn.identification.track import _send_c3d, check_samples, refuse_units
+from kickdyn.identification.track import _frames_of_header, _send_c3d, check_samples, refuse_units
 
 C3D = Path(__file__).resolve().parents[2] / "data" / "kick_instep.c3d"
 
@@ -40,13 +40,12 @@ def test_a_csv_file_with_gaps_other_names_and_a_long_cell(tmp_path):
     assert csv.field_size_limit() == limit
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [("t,x,y\n0,1,2\n", r"\['t', 'x', 'y'\].*'z'"), ("t,x,y,z\n", "no row of numbers"),
-     ("t,x,y,z\n0,1,2,three\n", "row 2"), ("t,x,y,z\n0,1,2,inf\n", "row 2"),
-     ("t;x;y;z\n0;1;2;3\n", "commas"), ("t,x,y,x,z\n0,1,2,1,3\n", "once"),
-     ("t,x,y,z\n0,02,1,0,2,0,3,0\n", "row 2 has 8"), ("t,x,y,z\n0,1,2,3\n0,1,2,3\n", "row 3 has")],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "message"), [
+    ("t,x,y\n0,1,2\n", r"\['t', 'x', 'y'\].*'z'"), ("t,x,y,z\n", "no row of numbers"),
+    ("t,x,y,z\n0,1,2,three\n", "row 2"), ("t,x,y,z\n0,1,2,inf\n", "row 2"),
+    ("t;x;y;z\n0;1;2;3\n", "commas"), ("t,x,y,x,z\n0,1,2,1,3\n", "once"),
+    ("t,x,y,z\n0,02,1,0,2,0,3,0\n", "row 2 has 8"), ("t,x,y,z\n0,1,2,3\n0,1,2,3\n", "row 3 has")
+])  # fmt: skip
 def test_a_faulty_csv_file_is_refused(tmp_path, text, message):
     file = tmp_path / "track.csv"
     file.write_text(text)
@@ -93,6 +92,15 @@ def test_times_count_from_the_first_frame_of_the_measurement(tmp_path):
     whole, later = (kd.Track.from_c3d(file, "ball").times for file in (C3D, cut))
     assert (first, whole[0]) == (1, 0.0)
     assert later == pytest.approx(whole + 0.2, abs=closed_form(1e4))
+
+
+@pytest.mark.parametrize(("order", "processor"), [("<", 0x54), (">", 0x56)])
+def test_the_frames_of_a_header_are_in_the_order_of_its_processor(tmp_path, order, processor):
+    """Words 4 and 5 are the first and the last frame; block 3 has the parameters."""
+    file = tmp_path / "kick.c3d"
+    header = struct.pack(f"{order}BBHHHH", 3, 0x50, 9, 0, 259, 1024).ljust(1024, b"\0")
+    file.write_bytes(header + bytes([1, 80, 2, processor]))
+    assert _frames_of_header(str(file)) == 1024 - 259 + 1
 
 
 @pytest.mark.parametrize("damage", ["half", "garbage", "missing"])

@@ -68,9 +68,8 @@ def test_rows_without_machine_code():
         many = kd.collide_many(*kick)
         one = kd.collide(kick[0].posture(kick[1][0]), kick[2][0], *kick[3:], tol=1e-7)
         assert many.impulse[0].tolist() == one.impulse.tolist()
-    soft = kd.collide_many(
-        LEG, Q, V * [[1.0], [-1.0]], kd.Ball(), kd.Contact((2, 0, 1), 0.8), stiffness=300.0
-    )
+    kick = LEG, Q, V * [[1.0], [-1.0]], kd.Ball(), kd.Contact((2, 0, 1), 0.8)
+    soft = kd.collide_many(*kick, stiffness=300.0)
     assert soft.status.tolist() == [StrikeStatus.FAILED.flag, StrikeStatus.NO_IMPACT.flag]
     assert kd.collide_many(LEG, Q[:0], V[:0], kd.Ball(), inflated).impulse.shape == (0, 3)
 

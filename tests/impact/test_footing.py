@@ -61,16 +61,13 @@ def test_the_sole_turns_with_the_foot():
     assert footing(FOOT, wrench((0, 0, 1), (0, 0, -0.04)), tilt, 1.0) == "tilted"
 
 
-@pytest.mark.parametrize(
-    ("support", "impulse", "motion"),
-    [
-        (kd.Support("foot"), wrench((3, 0, 1), (0.5, 0, -0.04)), "stands"),
-        (kd.Support("foot", friction=0.5), wrench((3, 0, 1), (0.5, 0, -0.04)), "slips"),
-        (kd.Support("foot", sole=SOLE), wrench((3, 0, 1), (0.5, 0, -0.04)), "tips"),
-        (kd.Support("foot", point=True, friction=0.5), np.array([0.4, 0, 1]), "stands"),
-        (kd.Support("foot", point=True, friction=0.5), np.array([0.6, 0, 1]), "slips"),
-        (FOOT, np.array([0, 0, 0, 0, 0.1, 0]), "tips"),  # a moment alone
-    ],
-)
+@pytest.mark.parametrize(("support", "impulse", "motion"), [
+    (kd.Support("foot"), wrench((3, 0, 1), (0.5, 0, -0.04)), "stands"),
+    (kd.Support("foot", friction=0.5), wrench((3, 0, 1), (0.5, 0, -0.04)), "slips"),
+    (kd.Support("foot", sole=SOLE), wrench((3, 0, 1), (0.5, 0, -0.04)), "tips"),
+    (kd.Support("foot", point=True, friction=0.5), np.array([0.4, 0, 1]), "stands"),
+    (kd.Support("foot", point=True, friction=0.5), np.array([0.6, 0, 1]), "slips"),
+    (FOOT, np.array([0, 0, 0, 0, 0.1, 0]), "tips"),  # a moment alone
+])  # fmt: skip
 def test_without_friction_or_sole_less_is_judged(support, impulse, motion):
     assert footing(support, impulse, STILL, 1.0) == motion

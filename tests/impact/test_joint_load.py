@@ -67,10 +67,9 @@ def test_the_peak_is_that_of_half_a_sine_with_the_same_impulse():
         assert load.peak_moment == pytest.approx(angular / sine, rel=closed_form(10))
 
 
-@pytest.mark.parametrize(
-    ("time", "words"),
-    [(0, "at least 1e-09"), (9e-10, "9e-10"), (math.nan, "nan"), (10, r"10.*at most 0\.1")],
-)
+@pytest.mark.parametrize(("time", "words"), [
+    (0, "at least 1e-09"), (9e-10, "9e-10"), (math.nan, "nan"), (10, r"10.*at most 0\.1")
+])  # fmt: skip
 def test_bad_input(time, words):
     with pytest.raises(kd.InvalidInput, match=f"contact time is .*{words}"):
         kd.joint_loads(strike(), time)

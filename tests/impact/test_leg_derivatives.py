@@ -38,9 +38,8 @@ def some_kick(name, friction, seed=3):
 
 
 @pytest.mark.parametrize("name", LEGS)
-@pytest.mark.parametrize(
-    ("friction", "branch"), [(0.0, "frictionless"), (0.05, "slip"), (9.0, "stick")]
-)
+@pytest.mark.parametrize(("friction", "branch"), [
+    (0.0, "frictionless"), (0.05, "slip"), (9.0, "stick")])  # fmt: skip
 def test_against_differences(name, friction, branch):
     kick, options, rng = some_kick(name, friction)
     impact = kd.strike(*kick, **options)

@@ -69,9 +69,8 @@ def solutions(contact):
     return impulses
 
 
-@pytest.mark.parametrize(
-    ("friction", "decades", "sticks"), [(5.0, 6, True), (3.0, 4, False)], ids=["stick", "slip"]
-)
+@pytest.mark.parametrize(("friction", "decades", "sticks"), [
+    (5.0, 6, True), (3.0, 4, False)], ids=["stick", "slip"])  # fmt: skip
 def test_of_several_solutions_sticking_or_the_one_that_loses_most_is_taken(
     friction, decades, sticks
 ):
@@ -89,9 +88,8 @@ def test_of_several_solutions_sticking_or_the_one_that_loses_most_is_taken(
     assert choices > 0
 
 
-@pytest.mark.parametrize(
-    ("mobility", "across", "sticks"), [(1e-8, 2e-9, True), (0.0, 0.0, True), (0.0, 1e-6, False)]
-)
+@pytest.mark.parametrize(("mobility", "across", "sticks"), [
+    (1e-8, 2e-9, True), (0.0, 0.0, True), (0.0, 1e-6, False)])  # fmt: skip
 def test_an_obstacle_at_a_point_that_hardly_moves_one_way(monkeypatch, mobility, across, sticks):
     """Friction stops what moves that way, unless nothing can move it."""
     monkeypatch.setattr(BareBody, "is_free", False)

@@ -23,9 +23,8 @@ def check_same(kick, options):
     agrees(impact.joint_impulses, peer.joint_impulses, tolerance)
     assert impact.energy_lost == pytest.approx(peer.energy_lost, rel=tolerance)
     speed = np.abs(peer.ball_before.velocity).max() + size / impact.ball.mass
-    np.testing.assert_allclose(
-        impact.ball_after.velocity, peer.ball_after.velocity, atol=tolerance * speed
-    )
+    velocities = impact.ball_after.velocity, peer.ball_after.velocity
+    np.testing.assert_allclose(*velocities, atol=tolerance * speed)
     agrees(impact.ball_after.spin, peer.ball_after.spin, tolerance)
     for result in (impact, peer):
         assert result.momentum_residual <= tolerance

@@ -11,12 +11,8 @@ from references.exact_impact import exact_impact, given
 import kickdyn as kd
 from kickdyn.impact.rounding import digits_left
 
-HARSH = [
-    *extreme_impacts.heavy_balls(),
-    *list(extreme_impacts.cancellations())[:4],
-    *extreme_impacts.short_links(),
-    *extreme_impacts.masses(),
-]
+HARSH = [*extreme_impacts.heavy_balls(), *list(extreme_impacts.cancellations())[:4],
+         *extreme_impacts.short_links(), *extreme_impacts.masses()]  # fmt: skip
 
 
 @pytest.mark.parametrize("family", FAMILIES)

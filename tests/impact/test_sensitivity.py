@@ -84,9 +84,11 @@ def human(friction, normal=(2, 0.3, 1), e=0.7):
 def test_friction_that_sets_in():
     """Without friction, its derivative is that of the first friction there is."""
     slopes, h = kd.strike(*human(0.0)).sensitivity(), 1e-6
-    none, little, more = (kd.strike(*human(k * h)).impulse for k in range(3))
-    right = (4 * little - 3 * none - more) / (2 * h)
-    agrees(slopes.impulse["friction"][:, 0], right, differenced(1))
+    hits = [kd.strike(*human(k * h)) for k in range(3)]
+    for result in ("impulse", "velocity", "spin", "v_after", "joint_impulses"):
+        none, little, more = map(RESULTS[result], hits)
+        right = (4 * little - 3 * none - more) / (2 * h)
+        agrees(getattr(slopes, result)["friction"][..., 0], right, differenced(1))
 
 
 @pytest.mark.parametrize("pace", [1.0, 1e-8])  # the boundary is relative to the impulse

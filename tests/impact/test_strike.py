@@ -1,4 +1,4 @@
-"""The strike: the paper's numbers, momentum and energy, limits, units and frames of reference."""
+"""The strike: momentum and energy, limits, units and frames of reference."""
 
 import math
 
@@ -13,7 +13,6 @@ import kickdyn as kd
 from kickdyn.impact.laws import LAWS
 
 LEG = kd.Leg.human()
-ATTACK = np.array([math.cos(math.radians(30)), 0.0, math.sin(math.radians(30))])
 V = np.array([0.1, -2.0, -1.0])
 seeds = st.integers(0, 2**32 - 1)
 laws = pytest.mark.parametrize("law", LAWS)
@@ -21,17 +20,6 @@ laws = pytest.mark.parametrize("law", LAWS)
 
 def paper_posture(ankle_deg):
     return LEG.posture(np.radians([5, 10, ankle_deg]))
-
-
-@pytest.mark.parametrize(("ankle", "total"), [(-5, 1.554), (15, 0.944), (40, 0.646)])
-def test_table_2(ankle, total):
-    """The obstacle of the paper, e = 0.8, foot at 1 m/s: by Eq. (10) and as a strike [N s]."""
-    posture = paper_posture(ankle)
-    size = kd.normal_impulse(1.0, 0.8, posture.effective_mass(ATTACK))
-    assert size == pytest.approx(total, rel=0.005)
-    v = posture.joint_velocity(ATTACK)
-    impact = kd.strike(posture, v, kd.Ball(math.inf), kd.Contact(ATTACK, 0.8))
-    agrees(impact.impulse, size * ATTACK, closed_form(10))
 
 
 @laws
@@ -163,15 +151,9 @@ def test_powers_of_two_of_the_units_change_no_bit(law, seed, metre, half, second
         np.testing.assert_array_equal(result, expected)
 
 
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: kd.strike(paper_posture(0), V, kd.Ball(), kd.Contact((1, 0, 0)), "hertz"),
-         "'hertz'.*newton, stronge, paper"),
-        (lambda: kd.strike(paper_posture(0), V, kd.Ball(),
-                           kd.Contact((1, 0, 0), offset=(1e100, 0, 0))), "contact offset is"),
-    ],
-)  # fmt: skip
-def test_bad_input(call, words):
+@pytest.mark.parametrize(("law", "offset", "words"), [
+    ("hertz", None, "'hertz'.*newton, stronge, paper"),
+    ("newton", (1e100, 0, 0), "contact offset is")])  # fmt: skip
+def test_bad_input(law, offset, words):
     with pytest.raises(kd.InvalidInput, match=words):
-        call()
+        kd.strike(paper_posture(0), V, kd.Ball(), kd.Contact((1, 0, 0), offset=offset), law)

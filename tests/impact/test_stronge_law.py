@@ -133,9 +133,8 @@ def test_the_sliding_by_an_adaptive_integrator(seed):
     agrees(by_stronge(contact).impulse, integrate(contact)[0], integrated(1e-10))
 
 
-@pytest.mark.parametrize(
-    ("seed", "e", "count"), [(405, 0.9, 2), (474, 0.9, 2), (6841, 0.6, None), (11416, 0.3, None)]
-)
+@pytest.mark.parametrize(("seed", "e", "count"), [
+    (405, 0.9, 2), (474, 0.9, 2), (6841, 0.6, None), (11416, 0.3, None)])  # fmt: skip
 def test_points_that_turn_or_press_anew_by_an_adaptive_integrator(seed, e, count):
     """A slip that turns makes points approach again, within a step or after it; all work counts."""
     contact = random_contact(seed, decades=3, friction=3.0, restitution=e)

@@ -22,9 +22,7 @@ def test_a_motion_of_a_fixed_leg_is_its_splines_and_its_inverse_dynamics(swingin
     assert not swinging.ground_wrench(t).any()
     assert (swinging.begin, swinging.end) == (-0.53, 0.61)
     assert [phase[1:] for phase in swinging.phases] == [(-0.53, 0.0), (0.0, 0.61)]
-
-
-def test_the_impact_is_a_jump_of_the_velocity_alone(swinging):
+    # the impact is a jump of the velocity alone
     agrees(swinging.q(0.0), swinging.q(1e-12), closed_form(1e4))
     agrees(swinging.v(0.0), swinging.before(0.0, 1), closed_form())
     agrees(swinging.v_after, swinging.after(0.0, 1), closed_form())

@@ -50,9 +50,7 @@ def test_coefficients_of_the_velocities_bound_them():
     assert (speeds.min(axis=0) >= rows.min(axis=0)).all()
 
 
-def test_weights_integrate_lines_exactly():
+def test_weights_are_those_of_trapezoids():
     times = np.array([0.0, 0.1, 0.4, 1.0])
-    weights = integration_weights(times)
-    assert weights @ (3 * times + 2) == pytest.approx(3.5, rel=closed_form())
-    curve = times**2
-    assert weights @ curve == pytest.approx(np.trapezoid(curve, times), rel=closed_form())
+    right = [np.trapezoid(values, times) for values in np.eye(4)]
+    agrees(integration_weights(times), right, closed_form())

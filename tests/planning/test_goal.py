@@ -29,12 +29,8 @@ def test_nominal_times_are_those_of_the_parabola(kind, target, time, part):
     falls, apex = velocity[2] - G * time < -0.5, velocity[2] ** 2 / (2 * G)
     assume(velocity[2] > 0.5)
     assume(falls or kind != "apex")
-    wished = {
-        "time": time,
-        "apex": apex,
-        "speed": math.hypot(*velocity),
-        "over": (part * goal.distance, height),
-    }[kind]
+    over = part * goal.distance, height
+    wished = {"time": time, "apex": apex, "speed": math.hypot(*velocity), "over": over}[kind]
     times = kd.Goal(target, **{kind: wished}).nominal_times()
     assert min(times, key=lambda t: abs(t - time)) == pytest.approx(time, rel=optimized(1e-7))
     assert len(times) == (2 if kind == "speed" else 1)

@@ -7,18 +7,14 @@ import pytest
 from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
-from kickdyn.planning.interception import (
-    CANDIDATES,
-    Reach,
-    reach_of,
-    state_at,
-    waits_in_plane,
-    waits_in_reach,
-)
+from kickdyn.planning import interception as module
+from kickdyn.planning.interception import CANDIDATES, Reach, reach_of
+from kickdyn.robot.ground_clearance import find_depths
 
 BALL, AIR = kd.Ball(), kd.Air()
 HUMAN = kd.Leg.human()
 G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
+BOLT = kd.Leg.from_robot("bolt", base="floating")
 ROLLING = kd.BallState((2.0, 0.0, -0.7042), (-2.5, 0.0, 0.0), (0.0, -2.5 / BALL.radius, 0.0), 5.0)
 DROPPING = kd.BallState((2.2, 0.0, -0.3), (-5.0, 0.0, 0.3), (0.0, 6.0, 0.0))
 FLOOR = kd.Ground(-9.0, "turf")
@@ -29,7 +25,7 @@ def waits(incoming, reach, seconds, changes=None):
     meets = incoming if isinstance(incoming, kd.IncomingBall) else kd.IncomingBall(incoming, FLOOR)
     course = meets.course(BALL, None, seconds)
     still = changes or (lambda times: np.zeros((len(times), 3)))
-    return waits_in_reach(meets, course, reach, BALL.radius, still, lambda _: "")
+    return module.waits_in_reach(meets, course, reach, BALL.radius, still, lambda _: "")
 
 
 def test_the_reach_is_that_of_the_straight_leg_from_the_hip():
@@ -46,18 +42,32 @@ def test_the_reach_is_that_of_the_straight_leg_from_the_hip():
     assert reach_of(G1, BALL).across is None
 
 
-def test_times_within_reach_are_those_of_the_parabola():
+@pytest.mark.parametrize("speed", [4.0, 90.0])
+def test_times_within_reach_are_those_of_the_parabola(speed):
     """Past a sphere of 1 m about the origin, 0.6 m aside, before the leg until x = -r."""
-    state = kd.BallState((3.0, 0.6, 0.0), (-4.0, 0.0, 3.68))
+    rise = 14.0 / speed
+    state = kd.BallState((3.0, 0.6, 0.0), (-speed, 0.0, rise))
     times = waits(state, Reach(np.zeros(3), 1.0, None, 0.0), 1.2)
-    dense = np.linspace(0.0, 1.2, 12001)
-    heights = 3.68 * dense - 4.905 * dense**2
-    inside = (3 - 4 * dense) ** 2 + 0.36 + heights**2 <= 1.0
-    inside &= 3 - 4 * dense >= -BALL.radius
+    dense = np.linspace(0.0, 4.8 / speed, 12001)
+    x, z = 3.0 - speed * dense, rise * dense - 4.905 * dense**2
+    inside = (x**2 + 0.36 + z**2 <= 1.0) & (x >= -BALL.radius)
     first, last = dense[inside][[0, -1]]
     assert len(times) == CANDIDATES
     expected = np.linspace(first, last, CANDIDATES + 2)[1:-1]
-    assert times == pytest.approx(expected, abs=1.2 / 400)
+    assert times == pytest.approx(expected, abs=4.8 / speed / 400)
+
+
+@pytest.mark.parametrize(("leg", "height", "rate", "ground"), [
+    (G1, 0.5, 1.0, None), (G1, -0.9, 1.0, -0.9), (G1, 0.5, 0.0, 0.5), (BOLT, 0.5, 1.0, 0.0),
+    (HUMAN, 0.5, 1.0, HUMAN.posture(np.zeros(3)).contact_point[2])])  # fmt: skip
+def test_the_ground_is_under_the_other_foot_or_under_a_lower_ball(leg, height, rate, ground):
+    ball = kd.BallState((1.0, 0.0, height + BALL.radius), (-1.0, 0.0, rate))
+    level = kd.IncomingBall(ball).on_ground_of(leg, BALL).ground.height
+    if ground is not None:
+        assert level == pytest.approx(ground)
+    for lift in (1e-3, 5e-3) if ground is None else ():
+        depth = find_depths(leg, np.zeros(leg.nq), level + lift).get("left_ankle_roll_link", 0.0)
+        assert depth == pytest.approx(lift if lift > 2e-3 else 0.0)
 
 
 @pytest.mark.parametrize(("passes", "beside"), [(0.2, 0.0), (0.2, 0.004), (0.0, 0.0), (0.44, 0.0)])
@@ -70,7 +80,7 @@ def test_a_place_on_the_path_gives_the_time(passes, beside):
     agrees(waits(meets, reach_of(HUMAN, BALL), 0.45), [passes], optimized(1e-11))
     timed = kd.IncomingBall(flies, ground, 2.25)
     assert waits(timed, reach_of(HUMAN, BALL), 0.45) == pytest.approx([0.25])
-    ball = state_at(meets, meets.course(BALL, None), passes)
+    ball = module.state_at(meets, meets.course(BALL, None), passes)
     assert ball.time == pytest.approx(2.0 + passes)
     assert ball.position == pytest.approx(point, abs=closed_form(1e4))
 
@@ -87,16 +97,16 @@ def test_a_meeting_that_cannot_be_is_named(meet_at, words):
         return np.tile([9.0, 0.0, 3.0], (len(times), 1))
 
     with pytest.raises(kd.InvalidInput, match=words):
-        waits_in_reach(meets, course, reach, BALL.radius, forwards, lambda _: "")
+        module.waits_in_reach(meets, course, reach, BALL.radius, forwards, lambda _: "")
 
 
 def test_times_in_the_plane_are_the_roots_of_the_distance():
     times = np.linspace(0.0, 2.0, 9)
-    roots = waits_in_plane(times, lambda t: math.cos(2.0 * t))
+    roots = module.waits_in_plane(times, lambda t: math.cos(2.0 * t))
     assert roots == pytest.approx([math.pi / 4], abs=optimized(1e-10))
-    assert waits_in_plane(times, lambda t: 1e-9).tolist() == times.tolist()
+    assert module.waits_in_plane(times, lambda t: 1e-9).tolist() == times.tolist()
     with pytest.raises(kd.InvalidInput, match=r"at least 0\.5 m away"):
-        waits_in_plane(times, lambda t: 0.5 + t)
+        module.waits_in_plane(times, lambda t: 0.5 + t)
 
 
 @pytest.mark.parametrize(("state", "options", "words"), [

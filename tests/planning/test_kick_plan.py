@@ -13,7 +13,7 @@ from tolerances import optimized
 
 import kickdyn as kd
 from kickdyn.motion.motion import Motion
-from kickdyn.planning.kick_plan import check_ball_overlap_after
+from kickdyn.planning.kick_plan import check_actuators, check_ball_overlap_after, check_drives
 from kickdyn.robot.collisions import find_ball_overlaps
 from kickdyn.robot.ground_clearance import find_depths
 
@@ -114,3 +114,22 @@ def test_a_restitution_out_of_its_range_of_speeds_is_a_warning_only():
     plan = kd.plan_kick(HUMAN, kd.Goal(8, time=1), BALL, AIR, contact=contact)
     assert plan.status == "met"
     assert lines(plan, "restitution")
+
+
+def test_joints_without_an_actuator_are_named_if_they_move():
+    names = "single_joints", "velocity_index", "workspace"
+    leg = SimpleNamespace(file=SimpleNamespace(passive_joints=("knee", "ankle", "waist")))
+    vars(leg).update((name, getattr(HUMAN, name)) for name in names)
+    plan = SimpleNamespace(leg=leg, v=np.array([3.0, 0.0, -1.0]))
+    (line,) = check_actuators(plan)
+    assert [name in line for name in ("ankle", "knee", "waist")] == [True, False, False]
+    plan.v[2] = 0.0
+    assert not check_actuators(plan)
+
+
+@pytest.mark.parametrize(("rotor", "balance", "said"), [
+    (0.0, 0.1, True), (0.1, 0.1, False), (0.0, None, False)])  # fmt: skip
+def test_a_motion_of_a_standing_robot_without_rotors_asks_more_of_drives(rotor, balance, said):
+    leg = HUMAN.with_armature({"hip": rotor})
+    plan = SimpleNamespace(leg=leg, motion="moves", balance=balance)
+    assert bool(check_drives(plan)) is said

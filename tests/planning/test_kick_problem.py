@@ -1,15 +1,24 @@
 """The problem of a kick: turned legs, refusals, and the condition that has no solution."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
-from tolerances import agrees, closed_form
+from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.planning import kick_problem as module
 from kickdyn.planning.kick_problem import explain_infeasible, kick_problem
-from kickdyn.planning.kick_terms import Facing, SpeedLimit, StrikeVelocity, TorqueLimit
+from kickdyn.planning.kick_terms import (
+    BallPosition,
+    Facing,
+    SpeedLimit,
+    StrikeVelocity,
+    TorqueLimit,
+)
+from kickdyn.planning.objectives import JointSpeed, LargestShare
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
 
 BALL = kd.Ball()
@@ -61,6 +70,37 @@ def test_a_side_of_the_foot_is_demanded_at_the_contact_point_of_its_file_only(of
     contact = kd.Contact(restitution=0.8, friction=0.4, offset=offset)
     facing = kick_problem(G1, target_of(3, 0, 1, contact=contact)).find(Facing)
     assert (facing is None) == (offset is not None)
+
+
+def test_postures_at_the_ball_touch_it_with_a_side_of_the_foot_that_may_meet_it(monkeypatch):
+    monkeypatch.setattr(module, "bodies_near_ball", lambda robot: ())
+    monkeypatch.setattr(module, "WIDELY_DRAWN", 10)
+    place, target = np.array([0.2, -0.1, -0.6]), target_of(3.0, 0.3, 1.0)
+    problem = kick_problem(G1, target, place)
+    problem = replace(problem, drawn=problem.drawn[:15])
+    found, data = problem.at_ball(3), problem.limb.leg.model.createData()
+    assert len(found.drawn) == 3
+    for q in found.drawn:
+        posture, normal = problem.variables.posture(q), target.contact.normal
+        centre = posture.contact_point + BALL.radius * normal
+        assert centre == pytest.approx(place, abs=optimized(1e-7))
+        assert ((problem.variables.lower <= q) & (q <= problem.variables.upper)).all()
+        pin.framesForwardKinematics(posture.leg.model, data, posture.q)
+        rotation = data.oMf[posture.leg.frame_id].rotation
+        assert (G1.contact_normal_cone @ rotation.T @ normal > 0.0).all()
+    far = BallPosition(problem.variables, 2.0 + place, np.eye(3))
+    assert not len(replace(problem, terms=(far,)).at_ball(3).drawn)
+
+
+@pytest.mark.parametrize(("share", "right"), [(0.7, 0.7), (1.0 - 1e-8, 1.0)])
+def test_a_kick_that_only_the_largest_share_finds_is_whole_but_for_a_solvers_error(
+    share, right, monkeypatch
+):
+    problem = kick_problem(HUMAN, target_of(9, 0, 4))
+    points = [problem.variables.point(np.array([*np.full(6, 0.2), x])) for x in (0.4, share)]
+    monkeypatch.setattr(module.KickProblem, "solve", lambda _, objective, starts: (
+        points if isinstance(objective, LargestShare) else []))  # fmt: skip
+    assert module._solve(problem, JointSpeed())[1].share == right
 
 
 @pytest.mark.parametrize(("limits", "weak"), [(True, False), ("muscles", True)])

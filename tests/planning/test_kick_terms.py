@@ -7,12 +7,14 @@ from tolerances import agrees, closed_form, differenced
 
 import kickdyn as kd
 from kickdyn.motion.impact_target import impact_target_for
+from kickdyn.planning.ball_clearance import RESERVE, BodyClearance
 from kickdyn.planning.kick_problem import kick_problem
 from kickdyn.planning.kick_terms import KickVariables, SpeedLimit, StrikeVelocity, TorqueLimit
 from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import OBJECTIVES, LargestShare
 from kickdyn.planning.problem import Function
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
+from kickdyn.robot.collisions import TOUCHING, bodies_at
 
 BALL = kd.Ball()
 LEGS = {"human": kd.Leg.human(), "g1": kd.Leg.from_robot("g1", legs_only=True)}
@@ -146,3 +148,40 @@ def test_the_torques_of_muscles_fall_with_the_speed():
         most = np.where(share > 0, hill(speed), hill(-speed))
         agrees(term.use(point), np.abs(share) / most, closed_form(10))
         compare_slopes(term, variables, np.array(x), 10 * differenced())
+
+
+def test_slopes_between_bodies_are_those_of_the_distances():
+    """Of legs beside and inside each other, and of a foot and a thigh that move with one chain."""
+    pairs = [("left_knee_link", "right_knee_link"), ("right_ankle_roll_link", "left_hip_yaw_link")]
+    pairs.append(("right_hip_yaw_link", "right_ankle_roll_link"))
+    robot, variables = LEGS["g1"], KickVariables(LEGS["g1"], target_of())
+    bodies = [tuple(bodies_at(robot, frame)[0] for frame in pair) for pair in pairs]
+    term = BodyClearance(robot, variables, bodies)
+    x, values = np.zeros(variables.size), []
+    for roll, bend in ((-0.2, 0.6), (0.2, 0.8), (0.45, 0.5)):
+        x[1], x[3] = roll, bend
+        values.append(term.value(variables.point(x))[0])
+        compare_slopes(term, variables, x, 1e-6)  # coal's distances are iterated
+    assert min(values) < 0 < max(values)
+
+
+def test_the_distance_of_a_sphere_from_the_ball_is_that_of_their_centres(tmp_path):
+    (tmp_path / "leg.xml").write_text(
+        '<mujoco><worldbody><body name="shank" pos="0 0 1">'
+        '<joint name="knee" type="hinge" axis="0 -1 0" range="-90 90"/>'
+        '<geom type="sphere" size="0.04" pos="0 0 -0.7"/>'
+        '<body name="foot" pos="0 0 -0.9"><geom type="sphere" size="0.03"/></body></body>'
+        "</worldbody></mujoco>"
+    )
+    leg = kd.Leg.from_mjcf(tmp_path / "leg.xml", "foot")
+    target = target_of(offset=(0.03, 0, 0))
+    variables = KickVariables(leg, target)
+    term = BodyClearance(leg, variables, [(bodies_at(leg, "shank")[0], None)])
+    for angle in (-0.4, 0.0, 0.5):
+        posture = variables.posture(np.array([angle]))
+        rotation = posture.rotation_world_joint
+        centre = posture.contact_point + BALL.radius * target.contact.normal
+        apart = np.linalg.norm(centre - ([0, 0, 1] + rotation @ [0, 0, -0.7]))
+        depth = 0.04 + BALL.radius - apart
+        (value,) = term.residual(posture, None)
+        assert value == pytest.approx(TOUCHING - RESERVE - depth, abs=closed_form(1e4))

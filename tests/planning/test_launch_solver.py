@@ -5,15 +5,8 @@ import pytest
 from tolerances import agrees, closed_form, differenced, integrated
 
 import kickdyn as kd
-from kickdyn.planning.launch_solver import (
-    ShootingProblem,
-    apex,
-    crossing,
-    goal_condition,
-    lowest,
-    step_in_root,
-    target_equations,
-)
+from kickdyn.planning import launch_solver as solver
+from kickdyn.planning.launch_solver import ShootingProblem, apex, crossing
 
 SPIN = np.array([5.0, -30.0, 20.0])
 VELOCITY = np.array([18.0, 2.0, 9.0])
@@ -46,8 +39,8 @@ def test_slopes_of_all_equations_are_those_of_differences(condition):
 
         def equations(x, problem=problem):
             flight = problem.shoot(x[:-1], x[-1])
-            errors, slopes = target_equations(goal, x, flight)
-            error, row = goal_condition(goal, x, flight)
+            errors, slopes = solver.target_equations(goal, x, flight)
+            error, row = solver.goal_condition(goal, x, flight)
             return np.append(errors, error), np.vstack([slopes, row])
 
         x = np.array([*VELOCITY, 30.0, 1.6])  # the apex is inside the flight
@@ -66,10 +59,10 @@ def test_lowest_and_highest_places(spin, up):
     velocity = 35 * np.array([np.cos(up), 0, np.sin(up)])
     shot = ShootingProblem(kd.Ball(), kd.Air(drag="brazuca"), np.array(spin)).shoot(velocity, 1.3)
     heights = shot.states(np.linspace(0, 1.3, 20_001))[:, 2]
-    assert lowest(shot) == pytest.approx(heights.min(), abs=1e-6)  # of samples
+    assert solver.lowest(shot) == pytest.approx(heights.min(), abs=1e-6)  # of samples
     assert apex(shot)[0] == pytest.approx(heights.max(), abs=1e-6)
     if up < 0 and spin[1]:
-        assert lowest(shot) < -0.05
+        assert solver.lowest(shot) < -0.05
         assert apex(shot)[0] > 0.2
 
 
@@ -80,4 +73,4 @@ def test_a_step_in_the_root_of_the_speed_is_newtons_to_first_order():
 
     step, h = np.array([0.7, -0.4, 1.1]), 1e-6
     change = (root(VELOCITY + h * step) - root(VELOCITY - h * step)) / (2 * h)
-    agrees(root(step_in_root(VELOCITY, step)), root(VELOCITY) + change, differenced())
+    agrees(root(solver.step_in_root(VELOCITY, step)), root(VELOCITY) + change, differenced())

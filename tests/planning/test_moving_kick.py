@@ -2,15 +2,17 @@
 
 import pickle
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
-from kickdyn.planning.intercepting_kick import InterceptingKick, KickSettings
-from kickdyn.planning.interception import CANDIDATES, reach_of
-from kickdyn.planning.kick_steps import checked_contact
+from kickdyn.planning import moving_kick as module
+from kickdyn.planning.intercepting_kick import STRONGEST, InterceptingKick, KickSettings
+from kickdyn.planning.interception import CANDIDATES, Reach, reach_of
+from kickdyn.planning.kick_steps import checked_contact, plan_flight_launch
 from kickdyn.planning.kick_terms import KickPoint
 from kickdyn.planning.moving_kick import Interceptor
 from kickdyn.planning.objectives import KickObjective, LargestShare
@@ -23,6 +25,12 @@ ROLLING = kd.BallState((2.0, 0.0, -0.7042), (-2.5, 0.0, 0.0), (0.0, -2.5 / BALL.
 DROPPING = kd.BallState((2.2, 0.0, -0.3), (-5.0, 0.0, 0.3), (0.0, 6.0, 0.0))
 ASIDE = kd.BallState((1.5, 0.6, -0.58), (-2.0, -0.9, 0.0), (8.0, -17.0, 3.0))
 GOAL = kd.Goal(18, time=1.2)
+
+
+def interceptor(incoming, goal=GOAL, air=AIR, surface=None, reach=None):
+    options = checked_contact(None), KickObjective.JOINT_SPEED, True, surface, "slsqp"
+    settings = KickSettings(goal, BALL, air, *options)
+    return Interceptor(HUMAN, settings, incoming, reach=reach)
 
 
 def struck_again(plan, incoming):
@@ -149,9 +157,7 @@ def test_a_ball_that_is_seen_again_is_met_at_the_same_time(rolling):
 def test_where_a_ball_is_and_how_it_moves_away(ball, word):
     incoming, running = kd.IncomingBall(ball, kd.Ground(-1.0, "turf")), np.array([0.5, 0.3, 0.0])
     goal = kd.Goal((9, 1, 0), time=0.9, receiver_velocity=running)
-    contact, objective = checked_contact(None), KickObjective.JOINT_SPEED
-    settings = KickSettings(goal, BALL, AIR, contact, objective, True, None, "slsqp")
-    balls = Interceptor(HUMAN, settings, incoming)
+    balls = interceptor(incoming, goal)
     kick = balls.at(0.1)
     velocity, launch = kick.before.velocity, kick.launch.velocity
     impulse = launch - velocity
@@ -164,7 +170,8 @@ def test_where_a_ball_is_and_how_it_moves_away(ball, word):
     faster = "faster than its launch" if along > np.linalg.norm(launch) else None
     assert word == ("moves away from the foot" if away > 0 else faster)
     assert (word or "") in balls.escaping(0.1)
-    for share, term in ((1.0, objective.term), (0.9, LargestShare)):  # of a whole or weaker kick
+    whole = KickObjective.JOINT_SPEED.term
+    for share, term in ((1.0, whole), (0.9, LargestShare)):  # of a whole or weaker kick
         found = InterceptingKick(kick, None, KickPoint(None, np.array([share])), *3 * [None])
         assert type(found.objective) is term
 
@@ -179,11 +186,79 @@ def test_changes_of_the_velocity_are_those_of_parabolas():
     left = goal.target - np.outer(waits, ball.velocity) - np.outer(waits**2 / 2, gravity)
     launches = left / 0.9 - 0.9 / 2 * gravity
     for wish, after, exact in ((trap, trap.velocity, slice(5)), (goal, launches, slice(0, 5, 2))):
-        settings = KickSettings(wish, BALL, None, checked_contact(None), KickObjective.JOINT_SPEED,
-                                True, None, "slsqp")  # fmt: skip
-        changes = Interceptor(HUMAN, settings, incoming, reach=hip).changes(waits)
+        changes = interceptor(incoming, wish, None, reach=hip).changes(waits)
         agrees(changes[:, :2], (after - before)[:, :2], optimized(1e-9))
         agrees(changes[exact], (after - before)[exact], optimized(1e-9))
+
+
+@pytest.mark.parametrize(("ball", "height"), [(ROLLING, -0.8142), (DROPPING, -0.82)])
+def test_a_ball_that_rolls_is_passed_along_the_ground(ball, height):
+    """Also where it was seen in the air, or a little above the ground."""
+    ground = kd.Ground(height, "carpet")
+    course = kd.follow(ball, BALL, AIR, ground, 1e-12)
+    lower = round(height + BALL.radius - ball.position[2], 3)
+    goal = kd.Goal((7, 1, lower), time=1.5)
+    balls = interceptor(kd.IncomingBall(ball, ground), goal, surface="carpet")
+    kick = balls.at(0.99 * course.duration)
+    start = kd.BallState(kick.before.position, kick.launch.velocity, kick.launch.spin)
+    place = kd.follow(start, BALL, AIR, ground).sample(1.5).position
+    assert place[:2] == pytest.approx((ball.position + goal.target)[:2], abs=optimized())
+    if ball is DROPPING:
+        with pytest.raises(kd.InvalidInput, match=r"0\.4\d* m above the ground"):
+            balls.at(0.0)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_a_kick_leaves_the_spin_that_its_impulse_cannot_change(friction):
+    goal, contact = kd.Goal((14, 1, 0.5), time=1.0), kd.Contact(restitution=0.8, friction=friction)
+    before = kd.BallState(velocity=(-3.0, 0.5, 1.0), spin=(40.0, -9.0, 20.0))
+    launch = plan_flight_launch(goal, BALL, AIR, contact, before)
+    impulse = BALL.mass * (launch.velocity - before.velocity)
+    along = impulse / np.linalg.norm(impulse)
+    kept = along * (along @ before.spin) if friction else before.spin
+    agrees(launch.spin, kept, closed_form(10))
+    start = kd.BallState(velocity=launch.velocity, spin=kept)
+    end = kd.fly(start, BALL, AIR, kd.Ground(-9.0), 1e-12, time_limit=1.0).landing.position
+    agrees(end, goal.target, optimized(1e-8))
+
+
+def test_a_ball_behind_the_hip_by_more_than_its_radius_is_refused():
+    balls = interceptor(kd.IncomingBall(ROLLING, kd.Ground(-1.0, "turf")))
+    ahead, aside = np.array([0.6, 0.8, 0.0]), np.array([0.8, -0.6, 0.5])
+    balls._reach = Reach(aside, 1.0, np.eye(3)[1], 0.1)
+    places = [kd.BallState(2 * aside - behind * ahead) for behind in (-0.3, 0.1, 0.12)]
+    *before, behind = (SimpleNamespace(ahead=ahead, before=ball) for ball in places)
+    for task in before:
+        balls._check_facing(task)
+    with pytest.raises(kd.InvalidInput, match=r"0\.12 m behind the hip"):
+        balls._check_facing(behind)
+
+
+def test_a_kick_of_the_largest_share_that_is_whole_is_made_the_best(monkeypatch):
+    balls, calls = interceptor(kd.IncomingBall(ROLLING, kd.Ground(-1.0, "turf"))), []
+    whole, kicks = SimpleNamespace(share=1.0, x="whole"), {}
+    monkeypatch.setattr(module, "best_from", lambda _, *call: calls.append(call) or whole)
+    monkeypatch.setattr(balls, "at", lambda _: SimpleNamespace(kick=lambda _, point: point))
+    balls._seek(kicks, 0.3, None, ["x"], STRONGEST)
+    assert (calls, kicks) == ([(STRONGEST, ["x"]), (balls._objective, ["whole"])], {0.3: whole})
+
+
+def test_of_kicks_in_which_bodies_collide_the_first_that_can_be_mended_is_taken(monkeypatch):
+    def made(time, *lines):
+        plan = SimpleNamespace(collisions=lines)
+        kick = SimpleNamespace(meeting=SimpleNamespace(time=time), plan=plan)
+        kick.polished = lambda: kick
+        return kick
+
+    hits, worse, free = made(1.0, "in the ball; turn", "more"), made(2.0, "in it"), made(3.0)
+    monkeypatch.setattr(module, "_plan_of", lambda kick: kick.plan)
+    for kicks, mended, chosen, reasons in (
+        ([hits, worse, free], {}, free.plan, {1.0: "in the ball", 2.0: "in it"}),
+        ([hits, worse], {2.0: "mended"}, "mended", {1.0: "in the ball"}),
+        ([hits, worse], {}, hits.plan, {}),
+    ):
+        monkeypatch.setattr(module, "_mended", lambda kick, by=mended: by.get(kick.meeting.time))
+        assert module._without_collisions(kicks) == (chosen, reasons)
 
 
 def test_a_ball_that_rests_before_it_was_to_be_met_is_met_where_it_rests(rolling):

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +11,7 @@ import pytest
 from tolerances import optimized
 
 import kickdyn as kd
+from kickdyn.planning import plan_report as module
 from kickdyn.planning.plan_report import PlanReport, describe_passage, score, verdict
 from kickdyn.scene.pitch import Wall
 
@@ -127,12 +129,8 @@ def test_a_plan_shows_the_kick_that_it_reaches(weak):
         assert rows[name] == pytest.approx(right, rel=optimized(1e-7)), name
 
 
-@pytest.fixture(scope="module")
-def corner():
-    return kd.plan_kick(LEG, kd.Goal((20, 3.4, 2.1), over=(9.15, 2.0)), BALL, AIR)
-
-
-def test_a_wall_is_cleared_by_what_the_goal_asked_for(corner):
+def test_a_wall_is_cleared_by_what_the_goal_asked_for():
+    corner = kd.plan_kick(LEG, kd.Goal((20, 3.4, 2.1), over=(9.15, 2.0)), BALL, AIR)
     (base,) = (line for line in PlanReport(corner).table() if line.startswith("base"))
     turn = math.degrees(math.atan2(*corner.launch.velocity[1::-1]))
     assert (numbers(base), base[-4:]) == ([pytest.approx(turn, abs=6e-3)], "left")
@@ -141,3 +139,20 @@ def test_a_wall_is_cleared_by_what_the_goal_asked_for(corner):
         describe_passage(Wall(9.15, 2.5), corner)
     with pytest.raises(kd.InvalidInput, match="between the ball and the target"):
         describe_passage(Wall(30.0, 1.9), corner)
+
+
+@pytest.mark.parametrize(("state", "force", "friction"), [
+    ("stands", (3, -4, 10), 0.5), ("turns", (3, -4, 10), 0.5), ("lifts-off", (3, -4, -10), None),
+])  # fmt: skip
+def test_the_friction_that_a_foot_needs_is_that_of_its_impulse(state, force, friction):
+    impulses = {"sole": np.array([*force, 0.0, 0.0, 0.0])}
+    hit = SimpleNamespace(support_impulses=impulses, footing={"sole": state})
+    stands = SimpleNamespace(impact=hit, balance=0.0123)
+    assert module._least_friction("sole", stands) == friction
+    said = module._describe_stance("sole", stands)
+    assert "12.3 mm inside" in said
+    assert state.replace("-", " ") in said
+    assert ("friction of 0.5" in said, "the moment" in said) == (
+        state == "stands",
+        state == "turns",
+    )

@@ -15,7 +15,7 @@ import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.flight.forces import acceleration_function
 from kickdyn.impact.collide import duration
-from kickdyn.scene import launch_and_end as launch_end
+from kickdyn.scene import launch_and_end as module
 
 LAUNCH = kd.BallState((0, 0, 1), (12, 1, 5), (10, -40, 15))
 WIND = kd.Air(drag="brazuca", wind=(1, 2, 0))
@@ -34,7 +34,7 @@ def struck(seed, count, **parts):
     while len(pairs) < count:
         scene = random_scene(rng, **parts)
         with suppress(kd.NoImpact):
-            pairs.append((scene, launch_end.strike_scene(scene)))
+            pairs.append((scene, module.strike_scene(scene)))
     return pairs
 
 
@@ -49,8 +49,8 @@ def size(array):
 def test_the_launch_with_contact_time_is_within_its_error(parts):
     shares = []
     for scene, hit in struck(3, 5, **parts):
-        error = launch_end.with_law(scene, hit, launch_end.contact_time_error(scene, hit))
-        exact = launch_end.collide_scene(scene, 1e-7).ball_after
+        error = module.with_law(scene, hit, module.contact_time_error(scene, hit))
+        exact = module.collide_scene(scene, 1e-7).ball_after
         change = size(exact.velocity - hit.ball_after.velocity)
         assert change <= error.velocity
         assert size(exact.spin - hit.ball_after.spin) <= error.spin
@@ -61,13 +61,13 @@ def test_the_launch_with_contact_time_is_within_its_error(parts):
 
 def test_the_error_of_collide_is_within_its_bound():
     for scene, _ in struck(4, 4, contact_time=0.01):
-        exact, rough = (launch_end.collide_scene(scene, tol).ball_after for tol in (1e-8, 1e-4))
-        error = launch_end.collision_error(scene, exact, 1e-4)
+        exact, rough = (module.collide_scene(scene, tol).ball_after for tol in (1e-8, 1e-4))
+        error = module.collision_error(scene, exact, 1e-4)
         assert size(exact.velocity - rough.velocity) <= error.velocity
         assert size(exact.spin - rough.spin) <= error.spin
     launch = kd.BallState((0, 0, 0), (3, 0, 4), (0, 0, 6))
-    error = launch_end.collision_error(scene_of(ball=kd.Ball(radius=0.5)), launch, 1e-4)
-    assert error == pytest.approx(launch_end.COLLIDE_SAFETY * 1e-4 * np.array([5, 10, 0.5]))
+    error = module.collision_error(scene_of(ball=kd.Ball(radius=0.5)), launch, 1e-4)
+    assert error == pytest.approx(module.COLLIDE_SAFETY * 1e-4 * np.array([5, 10, 0.5]))
 
 
 def test_the_error_of_a_contact_time_is_the_change_of_a_strike_at_its_end_and_middle():
@@ -75,7 +75,7 @@ def test_the_error_of_a_contact_time_is_the_change_of_a_strike_at_its_end_and_mi
     posture = leg.posture(np.radians([5, 10, -5]))
     v, contact = posture.joint_velocity([9, 0, 4]), kd.Contact((2, 0, 1), 0.8, 0.4)
     scene = kd.Scene(posture, v, kd.Ball(), contact, kd.Compliance(contact_time=0.01))
-    hit = launch_end.strike_scene(scene)
+    hit = module.strike_scene(scene)
     time = 1.5 * duration(hit.approach, **scene.law.options)
     model, data = leg.model, leg.model.createData()
     frame, model.gravity = model.getFrameId("toe"), pin.Motion.Zero()  # it has a term of its own
@@ -97,17 +97,17 @@ def test_the_error_of_a_contact_time_is_the_change_of_a_strike_at_its_end_and_mi
                         size(after.spin - hit.ball_after.spin)])  # fmt: skip
     dv, dw = np.max(changes, axis=0)
     right = [
-        launch_end.VELOCITY_SAFETY * dv + GRAVITY * time,
-        launch_end.SPIN_SAFETY * dw + GRAVITY * time / scene.ball.radius,
+        module.VELOCITY_SAFETY * dv + GRAVITY * time,
+        module.SPIN_SAFETY * dw + GRAVITY * time / scene.ball.radius,
         time * (hit.ball_after.speed + dv),
     ]
-    error = launch_end.contact_time_error(scene, hit)
+    error = module.contact_time_error(scene, hit)
     assert error[:3] == pytest.approx(right, rel=closed_form(1e4))
     stronge = kd.strike(posture, v, kd.Ball(), contact, "stronge").ball_after
-    right[0] += launch_end.VELOCITY_SAFETY * size(stronge.velocity - hit.ball_after.velocity)
-    right[1] += launch_end.VELOCITY_SAFETY * size(stronge.spin - hit.ball_after.spin)
-    assert launch_end.with_law(scene, hit, error)[:3] == pytest.approx(right, rel=closed_form(1e4))
-    assert launch_end.contact_time_error(scene, hit, 0.1).velocity == math.inf
+    right[0] += module.VELOCITY_SAFETY * size(stronge.velocity - hit.ball_after.velocity)
+    right[1] += module.VELOCITY_SAFETY * size(stronge.spin - hit.ball_after.spin)
+    assert module.with_law(scene, hit, error)[:3] == pytest.approx(right, rel=closed_form(1e4))
+    assert module.contact_time_error(scene, hit, 0.1).velocity == math.inf
 
 
 @pytest.mark.parametrize("case", ["no contact on the way", "pressed into the ground", "supports"])
@@ -125,7 +125,7 @@ def test_an_error_that_cannot_be_estimated_is_infinite(case):
     scene = kd.Scene(
         posture, posture.joint_velocity(velocity), kd.Ball(), kd.Contact(normal, 0.7), **parts
     )
-    assert launch_end.contact_time_error(scene, launch_end.strike_scene(scene)).velocity == math.inf
+    assert module.contact_time_error(scene, module.strike_scene(scene)).velocity == math.inf
 
 
 @pytest.mark.parametrize("parts", [
@@ -135,7 +135,7 @@ def test_an_error_that_cannot_be_estimated_is_infinite(case):
 ], ids=["level", "ground", "plane", "vacuum", "bounces"])  # fmt: skip
 def test_slopes_are_those_of_central_differences(parts):
     scene = scene_of(**parts)
-    slopes = launch_end.end_slopes(scene, launch_end.fly_scene(scene, LAUNCH))
+    slopes = module.end_slopes(scene, module.fly_scene(scene, LAUNCH))
     tolerance = 1e-2 if "turf" in repr(parts) else 1e3 * differenced(2)
     for name, step in (("velocity", 1e-4), ("spin", 1e-3)):
         right = np.zeros((3, 3))
@@ -145,7 +145,7 @@ def test_slopes_are_those_of_central_differences(parts):
                 state = {"velocity": LAUNCH.velocity.copy(), "spin": LAUNCH.spin.copy()}
                 state[name][axis] += sign * step
                 launch = kd.BallState(LAUNCH.position, **state)
-                ends.append(launch_end.end_of(launch_end.fly_scene(scene, launch, 1e-12)).position)
+                ends.append(module.end_of(module.fly_scene(scene, launch, 1e-12)).position)
             right[:, axis] = (ends[0] - ends[1]) / (2 * step)
         agrees(getattr(slopes, name), right, tolerance)
 
@@ -156,39 +156,37 @@ def test_the_deviation_of_an_end_is_that_of_sources_that_act_together():
     slope = rng.normal(size=(3, 3))
     direction, amounts = rng.normal(size=3), rng.normal(size=1000)
     velocity, spin = np.outer(amounts, direction), np.outer(0.3 * amounts, slope @ direction)
-    slopes = launch_end.EndSlopes(2.0 * slope, 0.7 * np.eye(3))
+    slopes = module.EndSlopes(2.0 * slope, 0.7 * np.eye(3))
     launch = SimpleNamespace(velocity=np.cov(velocity.T), spin=np.cov(spin.T))
     ends = velocity @ slopes.velocity.T + spin @ slopes.spin.T
     right = math.sqrt(np.trace(np.cov(ends.T)))
     assert slopes.deviation(launch) == pytest.approx(right, rel=closed_form(100))
-    unknown = launch_end.EndSlopes(np.full((3, 3), math.inf), np.full((3, 3), math.inf))
+    unknown = module.EndSlopes(np.full((3, 3), math.inf), np.full((3, 3), math.inf))
     assert unknown.deviation(launch) == math.inf
 
 
 def test_a_ball_without_an_end_or_without_a_flight():
     resting, deep = kd.BallState((0, 0, 1)), scene_of(ground=kd.Ground(-1e7))
     for scene, launch in ((scene_of(ground=kd.Ground(0.0)), resting), (deep, LAUNCH)):
-        path = launch_end.fly_scene(scene, launch)
-        assert np.isposinf(launch_end.end_slopes(scene, path).velocity).all()
-    path = launch_end.fly_scene(deep, LAUNCH)
+        path = module.fly_scene(scene, launch)
+        assert np.isposinf(module.end_slopes(scene, path).velocity).all()
+    path = module.fly_scene(deep, LAUNCH)
     assert path.status == "aloft"
-    assert launch_end.end_error(deep, path, launch_end.LaunchError(1, 0, 0)) == math.inf
+    assert module.end_error(deep, path, module.LaunchError(1, 0, 0)) == math.inf
     scene = scene_of(air=WIND)
-    path = launch_end.fly_scene(scene, kd.BallState((0, 0, 1), (5, 0, -2)))
+    path = module.fly_scene(scene, kd.BallState((0, 0, 1), (5, 0, -2)))
     assert path.duration == 0.0
-    assert not launch_end.end_slopes(scene, path).velocity.any()
-    assert launch_end.end_error(scene, path, launch_end.LaunchError(1.0, 10.0, 0.05)) == 0.05
+    assert not module.end_slopes(scene, path).velocity.any()
+    assert module.end_error(scene, path, module.LaunchError(1.0, 10.0, 0.05)) == 0.05
 
 
 @pytest.mark.parametrize("surface", [None, "turf"])
 @pytest.mark.parametrize("tol", [1e-4, 1e-6])
 def test_the_error_of_a_path_is_about_its_distance_from_an_exact_one(surface, tol):
     scene = scene_of(air=WIND, ground=kd.Ground(-0.5, surface))
-    path, exact = (
-        launch_end.fly_scene(scene, LAUNCH, tol), launch_end.fly_scene(scene, LAUNCH, 1e-12),
-    )  # fmt: skip
-    distance = math.dist(launch_end.end_of(path).position, launch_end.end_of(exact).position)
-    assert 0.0 < distance <= launch_end.path_error(scene, path) <= 50.0 * distance
+    path, exact = (module.fly_scene(scene, LAUNCH, share) for share in (tol, 1e-12))
+    distance = math.dist(module.end_of(path).position, module.end_of(exact).position)
+    assert 0.0 < distance <= module.path_error(scene, path) <= 50.0 * distance
 
 
 def test_the_error_of_an_end_covers_paths_from_launches_beside_it():
@@ -196,10 +194,10 @@ def test_the_error_of_an_end_covers_paths_from_launches_beside_it():
     while len(shares) < 40:
         scene = wide_scene(rng)
         with suppress(kd.KickdynError):
-            launch = launch_end.strike_scene(scene).ball_after
+            launch = module.strike_scene(scene).ball_after
             speed = float(launch.speed)
-            error = launch_end.LaunchError(1e-3 * speed, 1e-3 * speed / scene.ball.radius, 1e-4)
-            path, directions = launch_end.fly_scene(scene, launch), rng.normal(size=(3, 3))
+            error = module.LaunchError(1e-3 * speed, 1e-3 * speed / scene.ball.radius, 1e-4)
+            path, directions = module.fly_scene(scene, launch), rng.normal(size=(3, 3))
             if path.duration == 0.0:
                 continue
             offset, change, turn = directions / np.linalg.norm(directions, axis=1)[:, None]
@@ -208,38 +206,34 @@ def test_the_error_of_an_end_covers_paths_from_launches_beside_it():
                 launch.velocity + error.velocity * change,
                 launch.spin + error.spin * turn,
             )
-            distance = size(
-                launch_end.end_of(launch_end.fly_scene(scene, other)).position
-                - launch_end.end_of(path).position
-            )
-            shares.append(distance / launch_end.end_error(scene, path, error))
+            ends = [module.end_of(way).position for way in (path, module.fly_scene(scene, other))]
+            shares.append(math.dist(*ends) / module.end_error(scene, path, error))
     assert max(shares) <= 1.0
     assert np.quantile(shares, 0.8) > 0.3
 
 
 def test_in_a_vacuum_the_error_of_an_end_is_that_of_the_parabola():
     scene, change = scene_of(ground=LEVEL), 1e-6
-    path, v = launch_end.fly_scene(scene, LAUNCH), LAUNCH.velocity
+    path, v = module.fly_scene(scene, LAUNCH), LAUNCH.velocity
     slant = size(v) / v[2]  # it arrives as steeply as it started
-    right = launch_end.END_SAFETY * slant * (0.02 + change * 2 * v[2] / GRAVITY)
-    assert launch_end.end_error(
-        scene, path, launch_end.LaunchError(change, 0, 0.02)
-    ) == pytest.approx(right)
-    assert launch_end.end_error(scene, path, launch_end.LaunchError(math.inf, 0.0, 0.0)) == math.inf
-    assert launch_end.least_duration(scene, LAUNCH) == pytest.approx(v[2] / GRAVITY)  # half of it
-    assert launch_end.least_duration(scene_of(air=WIND), LAUNCH) == 0.0
+    right = module.END_SAFETY * slant * (0.02 + change * 2 * v[2] / GRAVITY)
+    error = module.end_error(scene, path, module.LaunchError(change, 0, 0.02))
+    assert error == pytest.approx(right)
+    assert module.end_error(scene, path, module.LaunchError(math.inf, 0.0, 0.0)) == math.inf
+    assert module.least_duration(scene, LAUNCH) == pytest.approx(v[2] / GRAVITY)  # half of it
+    assert module.least_duration(scene_of(air=WIND), LAUNCH) == 0.0
 
 
 def test_an_error_of_the_spin_moves_the_end_by_half_the_change_of_lift_times_the_time_squared():
     scene, change = scene_of(air=kd.Air(drag=None), ground=LEVEL), 1e-3
-    path = launch_end.fly_scene(scene, LAUNCH)
+    path = module.fly_scene(scene, LAUNCH)
     acceleration = acceleration_function(scene.ball, scene.air)
     lifts = [acceleration(1.0, *LAUNCH.velocity, *(LAUNCH.spin + dw))[:3]
              for dw in (np.zeros(3), *(change * np.eye(3)))]  # fmt: skip
     lift = np.linalg.norm(np.subtract(lifts[1:], lifts[0]), axis=1).max()
     slant = size(path.landing.velocity) / abs(path.landing.velocity[2])
-    right = launch_end.END_SAFETY * slant * 0.5 * lift * path.duration**2
-    error = launch_end.end_error(scene, path, launch_end.LaunchError(0.0, change, 0.0))
+    right = module.END_SAFETY * slant * 0.5 * lift * path.duration**2
+    error = module.end_error(scene, path, module.LaunchError(0.0, change, 0.0))
     assert error == pytest.approx(right, rel=closed_form(1e6))
 
 
@@ -247,24 +241,24 @@ def test_an_error_of_the_spin_moves_the_end_by_half_the_change_of_lift_times_the
 def test_the_error_of_a_path_that_bounces_is_known_roughly_from_its_first_flight(surface):
     scene = scene_of(ground=replace(LEVEL, surface=surface))
     for velocity in (LAUNCH.velocity, (1, 0, 8)):  # which rolls long, and which bounces long
-        launch, error = kd.BallState((0, 0, 1), velocity), launch_end.LaunchError(0.0, 0.1, 0.0)
-        flight = launch_end.first_flight(scene, launch)
-        right = launch_end.end_error(scene, launch_end.fly_scene(scene, launch), error)
-        expected = launch_end.expected_end_error(scene, flight, error)
+        launch, error = kd.BallState((0, 0, 1), velocity), module.LaunchError(0.0, 0.1, 0.0)
+        flight = module.first_flight(scene, launch)
+        right = module.end_error(scene, module.fly_scene(scene, launch), error)
+        expected = module.expected_end_error(scene, flight, error)
         assert expected == pytest.approx(right, rel=0.05)
     windy = scene_of(air=kd.Air(wind=(20, 0, 0)), ground=replace(LEVEL, surface="hard-floor"))
-    flight = launch_end.first_flight(windy, LAUNCH)
-    assert launch_end.expected_end_error(windy, flight, error) == math.inf
+    flight = module.first_flight(windy, LAUNCH)
+    assert module.expected_end_error(windy, flight, error) == math.inf
 
 
 @pytest.mark.parametrize("allowed", [0.3, 0.01, 1e-3])
 def test_a_tolerance_of_the_contact_keeps_the_end_within_what_is_allowed(allowed):
     scene = scene_of(air=WIND, ground=kd.Ground(-0.5))
-    path = launch_end.fly_scene(scene, LAUNCH)
+    path = module.fly_scene(scene, LAUNCH)
 
     def end_error_of(error):
-        return launch_end.end_error(scene, path, error)
+        return module.end_error(scene, path, error)
 
-    tol = launch_end.contact_tolerance(scene, LAUNCH, end_error_of, allowed)
-    used = end_error_of(launch_end.collision_error(scene, LAUNCH, tol)) / allowed
+    tol = module.contact_tolerance(scene, LAUNCH, end_error_of, allowed)
+    used = end_error_of(module.collision_error(scene, LAUNCH, tol)) / allowed
     assert 0.3 < used <= 1.0 or (used < 0.3 and tol == 1e-3)

@@ -15,14 +15,10 @@ def scene(**changes):
     return kd.Scene(**{**parts, **changes})
 
 
-def test_the_ball_touches_the_contact_point():
-    made = scene()
+def test_the_ball_touches_the_contact_point_and_its_way_to_the_plane_is_level():
+    made = scene(plane=kd.Plane((3, 4, 7), (-1, 0, 0)))
     point = LEG.posture(made.q).with_contact_offset(TOUCH.offset).contact_point
     np.testing.assert_allclose(made.ball_position, point + kd.Ball().radius * TOUCH.normal)
-
-
-def test_ahead_is_horizontal_from_the_ball_to_the_plane():
-    made = scene(plane=kd.Plane((3, 4, 7), (-1, 0, 0)))
     way = np.array([3, 4, 0]) - made.ball_position * [1, 1, 0]
     np.testing.assert_allclose(made.ahead, way / np.linalg.norm(way))
 
@@ -38,6 +34,8 @@ def test_ahead_is_horizontal_from_the_ball_to_the_plane():
     ({"uncertainty": {"q": np.nan}}, "uncertainty of q is nan"),
     ({"uncertainty": {"friction": None}}, "uncertainty of friction is None"),
     ({"uncertainty": {1: 2}}, "uncertainty of 1 is unknown: choose q, v"),
+    ({"wall": kd.Wall(9, 1)}, "without a plane"),
+    ({"wall": kd.Wall(9, 1), "plane": kd.Plane((3, 4, 7), (-1, 0, 0))}, "wall is at 9 m"),
 ], ids=lambda value: str(value)[:30])  # fmt: skip
 def test_bad_parts_are_refused(changes, word):
     with pytest.raises(kd.InvalidInput, match=word):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.flight.batch import fly_many
@@ -13,11 +12,9 @@ from kickdyn.sweeps.sweep_kick import Kick
 LEG = kd.Leg.human()
 
 
-@pytest.mark.parametrize(
-    ("speed", "attack", "friction", "tolerance"),
-    [(1.0, 30.0, 0.4, 1e-8), (12.0, 30.0, 0.4, 1e-6), (18.0, 10.0, 0.4, 1e-4),
-     (9.0, 0.0, 0.2, 1e-6)],
-)  # fmt: skip
+@pytest.mark.parametrize(("speed", "attack", "friction", "tolerance"), [
+    (1.0, 30.0, 0.4, 1e-8), (12.0, 30.0, 0.4, 1e-6), (18.0, 10.0, 0.4, 1e-4),
+    (9.0, 0.0, 0.2, 1e-6)])  # fmt: skip
 def test_carries_are_within_their_tolerance(speed, attack, friction, tolerance):
     kick = Kick(speed=speed, attack=np.radians(attack), friction=friction)
     model, draw, n = KernelModel.of(LEG, kick), np.random.default_rng(3), 2000
@@ -40,13 +37,3 @@ def test_impulses_outside_the_table_are_to_be_flown():
     tangent = np.array([0.0, 0.0, 0.39, 0.41, 0.0, 0.0]) * 0.5 * most
     to_fly = CarryTable(KernelModel.of(LEG, kick), 1e-3)(normal, tangent, np.full(6, np.nan))
     assert to_fly.tolist() == [False, True, False, True, True, True]
-
-
-def test_launches_are_those_of_newton_and_euler():
-    kick = Kick(attack=0.3)
-    model, impulse = KernelModel.of(LEG, kick), np.array([[0.2, -0.1, 1.5]])
-    p, ball = model.axes @ impulse[0], kick.ball
-    launch = launches(model, impulse)
-    assert launch.velocity[0] == pytest.approx(p / ball.mass, rel=closed_form())
-    spin = np.cross(-ball.radius * kick.direction, p) / ball.inertia  # the foot is behind the ball
-    assert launch.spin[0] == pytest.approx(spin, rel=closed_form(), abs=closed_form())

@@ -83,21 +83,15 @@ def test_rounding_of_a_model_makes_no_other_leg():
 NEXT = AXES | {"knee": np.nextafter(AXES["knee"], 1.0)}
 
 
-@pytest.mark.parametrize(
-    ("sweep", "words"),
-    [
-        ({}, None),
-        ({"axes": {"hip": AXES["hip"]}}, ["joints", "hip, knee"]),
-        ({"axes": NEXT}, ["knee"]),
-        ({"leg": heavier(1.1)}, ["model", "masses"]),
-        ({"kick": replace(KICK, speed=2.0)}, ["foot_speed_m_s", "1.0", "2.0"]),
-        ({"kick": airy(drag=drag(0.2))}, ["air"]),
-        ({"kick": airy(density=kd.Air().density + 1e-9)}, ["air", "functions"]),
-        ({"kick": replace(KICK, restitution=0.8 + 1e-14)}, None),
-        ({"kick": replace(KICK, restitution=0.8 + 1e-9)}, ["restitution"]),
-    ],
-    ids=lambda value: str(value)[:40],
-)
+@pytest.mark.parametrize(("sweep", "words"), [
+    ({}, None), ({"axes": {"hip": AXES["hip"]}}, ["joints", "hip, knee"]),
+    ({"axes": NEXT}, ["knee"]), ({"leg": heavier(1.1)}, ["model", "masses"]),
+    ({"kick": replace(KICK, speed=2.0)}, ["foot_speed_m_s", "1.0", "2.0"]),
+    ({"kick": airy(drag=drag(0.2))}, ["air"]),
+    ({"kick": airy(density=kd.Air().density + 1e-9)}, ["air", "functions"]),
+    ({"kick": replace(KICK, restitution=0.8 + 1e-14)}, None),
+    ({"kick": replace(KICK, restitution=0.8 + 1e-9)}, ["restitution"]),
+], ids=lambda value: str(value)[:40])  # fmt: skip
 def test_the_difference_of_two_sweeps_is_named(sweep, words):
     """Of leg and kick; a restitution given as a number is compared as it was given, too."""
     described = describe(heavier(1.0), Grid(AXES), KICK, 0.0)

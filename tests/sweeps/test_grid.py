@@ -12,11 +12,10 @@ from kickdyn.sweeps.grid import IN_MEMORY, LARGEST, Chunks, Grid, check_size, re
 LEG = kd.Leg.human()
 
 
-@pytest.mark.parametrize(
-    ("text", "degrees"),
-    [("hip=-10:60:5", np.arange(-10, 61, 5)), ("knee=0:1:0.1", np.arange(11) / 10),
-     ("knee=0:10:4", [0, 4, 8]), ("ankle=7", [7]), ("hip=0:0.3:0.1", [0, 0.1, 0.2, 0.3])],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "degrees"), [
+    ("hip=-10:60:5", np.arange(-10, 61, 5)), ("knee=0:1:0.1", np.arange(11) / 10),
+    ("knee=0:10:4", [0, 4, 8]), ("ankle=7", [7]), ("hip=0:0.3:0.1", [0, 0.1, 0.2, 0.3]),
+])  # fmt: skip
 def test_a_text_is_read_in_degrees_with_its_ends(text, degrees):
     (values,) = read_postures(LEG, [text]).values()
     assert np.degrees(values) == pytest.approx(np.asarray(degrees, float))
@@ -85,11 +84,9 @@ def test_too_many_postures_are_refused_with_their_size(largest, steps, word):
         check_size((steps, steps, 2), largest)
 
 
-@pytest.mark.parametrize(
-    ("shape", "chunk"),
-    [((7, 7, 6), (1, 7, 6)), ((10, 10, 300), (1, 1, 50)), ((3, 4), (3, 4)), ((100,), (50,)),
-     ((51,), (26,)), ((9, 30), (1, 30)), ((5, 12), (3, 12))],
-)  # fmt: skip
+@pytest.mark.parametrize(("shape", "chunk"), [
+    ((7, 7, 6), (1, 7, 6)), ((10, 10, 300), (1, 1, 50)), ((3, 4), (3, 4)), ((100,), (50,)),
+    ((51,), (26,)), ((9, 30), (1, 30)), ((5, 12), (3, 12))])  # fmt: skip
 def test_chunks_are_consecutive_postures_of_like_size(shape, chunk):
     chunks, number, visited = Chunks.of(shape, 50), np.arange(np.prod(shape)).reshape(shape), []
     assert chunks.shape == chunk

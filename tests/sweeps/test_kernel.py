@@ -107,12 +107,10 @@ def test_the_base_may_move(planar):
     assert (result, counts["doubt"]) == (planar, 0)
 
 
-@pytest.mark.parametrize(
-    "leg",
-    [floating_leg(np.random.default_rng(1)),
-     LEG.with_base_velocity((3, 0.1, 0)), LEG.with_base_velocity((3, 0, 0), (0.1, 0, 0))],
-    ids=["floating", "base leaves the plane", "base turns out of the plane"],
-)  # fmt: skip
+@pytest.mark.parametrize("leg", [
+    floating_leg(np.random.default_rng(1)),
+    LEG.with_base_velocity((3, 0.1, 0)), LEG.with_base_velocity((3, 0, 0), (0.1, 0, 0)),
+], ids=["floating", "base leaves the plane", "base turns out of the plane"])  # fmt: skip
 def test_a_leg_that_the_kernel_does_not_serve_has_no_model(leg):
     assert KernelModel.of(leg, Kick()) is None
 

@@ -157,19 +157,15 @@ kd.sweep(kd.Leg.human(), {POSTURES}, kick, store="s.zarr", threads=1)
     assert [entry.name for entry in tmp_path.iterdir()] == ["s.zarr"]
 
 
-@pytest.mark.parametrize(
-    ("change", "word"),
-    [
-        ({"kick": replace(KICK, speed=5.0)}, "foot_speed_m_s"),
-        ({"kick": replace(KICK, attack=1e-13)}, "attack_rad"),
-        ({"kick": replace(KICK, ball=kd.Ball(inertia_factor=0.4))}, "ball_inertia_factor"),
-        ({"postures": dict(reversed(POSTURES.items()))}, "ankle, knee, hip"),
-        ({"postures": {"hip": [0.0, 0.1]}}, "joints"),
-        ({"postures": POSTURES | {"knee": [0.0, 0.3 + 1e-15, 0.6]}}, "knee"),
-        ({"leg": LEG.with_armature({"hip": 0.5})}, "model"),
-        ({"variables": ["carry"]}, "variables"),
-    ],
-)
+@pytest.mark.parametrize(("change", "word"), [
+    ({"kick": replace(KICK, speed=5.0)}, "foot_speed_m_s"),
+    ({"kick": replace(KICK, attack=1e-13)}, "attack_rad"),
+    ({"kick": replace(KICK, ball=kd.Ball(inertia_factor=0.4))}, "ball_inertia_factor"),
+    ({"postures": dict(reversed(POSTURES.items()))}, "ankle, knee, hip"),
+    ({"postures": {"hip": [0.0, 0.1]}}, "joints"),
+    ({"postures": POSTURES | {"knee": [0.0, 0.3 + 1e-15, 0.6]}}, "knee"),
+    ({"leg": LEG.with_armature({"hip": 0.5})}, "model"), ({"variables": ["carry"]}, "variables"),
+])  # fmt: skip
 def test_a_store_of_another_sweep_is_left_alone(whole, change, word):
     before = files(whole)
     with pytest.raises(kd.InvalidInput, match=f"another sweep.*{word}"):
@@ -276,12 +272,10 @@ def test_links_are_not_followed(copied, tmp_path):
     assert not list(elsewhere.iterdir())
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "word"),
-    [(5, None, "is 5"), ("a\0b.zarr", None, "is 'a"), ("x" * 5000, None, "too long"),
-     ("no.zarr", None, "no such sweep"), ("text.nc", "no netCDF", "text.nc")],
-    ids=lambda value: str(value)[:9],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "content", "word"), [
+    (5, None, "is 5"), ("a\0b.zarr", None, "is 'a"), ("x" * 5000, None, "too long"),
+    ("no.zarr", None, "no such sweep"), ("text.nc", "no netCDF", "text.nc"),
+], ids=lambda value: str(value)[:9])  # fmt: skip
 def test_files_that_are_no_sweep_are_refused(tmp_path, monkeypatch, small, name, content, word):
     monkeypatch.chdir(tmp_path)
     if content is not None:

@@ -9,13 +9,8 @@ from chains import random_leg
 from tolerances import EPSILON, agrees, closed_form, integrated, optimized
 
 import kickdyn as kd
-from kickdyn.sweeps.sweep_kick import (
-    Kick,
-    PostureStatus,
-    kick_from,
-    slowest_joint_velocity,
-    speed_use,
-)
+from kickdyn.sweeps.sweep_kick import Kick, PostureStatus, kick_from, speed_use
+from kickdyn.sweeps.sweep_kick import slowest_joint_velocity as slowest
 
 LEG, G1 = kd.Leg.human(), kd.Leg.from_robot("g1", base="fixed", legs_only=True)
 POSTURE = LEG.posture(np.radians([40, 30, -20]))
@@ -72,7 +67,7 @@ def test_no_joint_velocity_has_less_speed_use(joints, special):
             limits[rng.integers(joints)] = special
         leg = limited(random_leg(rng, joints), limits)
         posture, wish = leg.posture(rng.uniform(-2, 2, joints)), rng.normal(size=3)
-        v = slowest_joint_velocity(posture, wish)
+        v = slowest(posture, wish)
         agrees(posture.point_velocity(v), wish, closed_form(10) * max(1.0, np.abs(v).max()))
         least = pytest.approx(dual_maximum(posture, wish), rel=optimized(1e-9))
         assert speed_use(posture, v) == least
@@ -81,29 +76,28 @@ def test_no_joint_velocity_has_less_speed_use(joints, special):
 @pytest.mark.parametrize("scale", [1e-200, 1e-3, 1.0, 3.0])
 def test_the_slowest_joint_velocity_is_proportional_to_the_foots(scale):
     wish = np.array([8.0, 0.0, 5.0])
-    v = slowest_joint_velocity(POSTURE, wish)
-    agrees(slowest_joint_velocity(POSTURE, scale * wish) / scale, v, optimized(1e-9))
+    v = slowest(POSTURE, wish)
+    agrees(slowest(POSTURE, scale * wish) / scale, v, optimized(1e-9))
 
 
 def test_the_foot_moves_exactly_where_a_linear_programme_is_not_exact():
     """HiGHS ignores levers below 1e-9, and 1e-8 of motion by a joint that may not move."""
     wish = np.array([0.8, 0.1, -0.5])
     for posture in (G1.posture(np.full(G1.nq, 1e-9)), G1.posture(np.full(G1.nq, 3e-8))):
-        v = slowest_joint_velocity(posture, wish)
+        v = slowest(posture, wish)
         agrees(posture.point_velocity(v), wish, closed_form())
         assert speed_use(posture, v) < 0.9 * speed_use(posture, posture.joint_velocity(wish))
     posture = limited(LEG, [0, 0, 10]).posture(np.radians([40, 30, -20]))
     by_ankle = posture.jacobian[:, 2]
     wish = by_ankle + 1e-8 * np.cross(by_ankle, [0, 1, 0])
-    v = slowest_joint_velocity(posture, wish)
+    v = slowest(posture, wish)
     agrees(posture.point_velocity(v), wish, closed_form())
     assert speed_use(posture, v) == math.inf
 
 
-@pytest.mark.parametrize(
-    ("limits", "use"),
-    [([0, 10, 0], math.inf), ([0, 0, 0], math.inf), (3 * [math.inf], 0.0), ([0, 10, 10], None)],
-)
+@pytest.mark.parametrize(("limits", "use"), [
+    ([0, 10, 0], math.inf), ([0, 0, 0], math.inf), (3 * [math.inf], 0.0), ([0, 10, 10], None),
+])  # fmt: skip
 def test_joints_without_limit_and_joints_that_may_not_move(limits, use):
     outcome = kick_from(limited(LEG, limits).posture(np.radians([5, 10, -5])), Kick())
     assert outcome.status == ("too-fast" if use == math.inf else "ok")
@@ -146,7 +140,7 @@ def test_a_sweep_with_a_base_that_moves_is_one_in_another_frame():
     table = kd.sweep(LEG.with_base_velocity(base), grid, kick)
     for i, j in np.ndindex(2, 2):
         posture = LEG.posture([grid["hip"][i], grid["knee"][j], 0.0])
-        v = slowest_joint_velocity(posture, 9.0 * kick.direction - base)
+        v = slowest(posture, 9.0 * kick.direction - base)
         hit = kd.strike(posture, v, ball, kick.contact, ball_velocity=-base)
         right = {
             "ball_speed": np.linalg.norm(hit.ball_after.velocity + base),

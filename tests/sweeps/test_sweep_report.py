@@ -12,14 +12,6 @@ import kickdyn as kd
 from kickdyn.sweeps import sweep_report
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.summary import summarize
-from kickdyn.sweeps.sweep_report import (
-    extreme_lines,
-    page_lines,
-    paper_lines,
-    pinocchio_differences,
-    table,
-    text,
-)
 
 LEG, KICK = kd.Leg.human(), kd.Kick()
 POSTURES = {"hip": [0.0, 0.2, 0.4], "knee": [0.2, 0.6], "ankle": [-0.2, 0.2]}
@@ -30,31 +22,31 @@ def swept(postures, kick=KICK, leg=LEG, where=None):
     grid = Grid.of(leg, postures)
     data = kd.sweep(leg, grid.axes, kick)
     summary = summarize(data, where)
-    return grid, data, summary, extreme_lines(leg, grid, kick, summary)
+    return grid, data, summary, sweep_report.extreme_lines(leg, grid, kick, summary)
 
 
 @pytest.fixture(scope="module")
 def report():
     grid, data, summary, lines = swept(POSTURES)
-    return grid, data, summary, [*paper_lines(LEG, KICK), *lines]
+    return grid, data, summary, [*sweep_report.paper_lines(LEG, KICK), *lines]
 
 
 def printed(leg, lines):
     """Return the cells of a printed table by the names of its rows."""
     console = Console(width=200)
     with console.capture() as captured:
-        console.print(table(leg, lines))
+        console.print(sweep_report.table(leg, lines))
     rows = captured.get().splitlines()
     return {row[:30].strip(): row[30:].split() for row in rows if row.strip()}
 
 
 def test_the_papers_postures_meet_table_2():
-    lines = paper_lines(LEG, KICK)
+    lines = sweep_report.paper_lines(LEG, KICK)
     impulses = [line.values["immovable_impulse"] for line in lines]
     assert impulses == pytest.approx([1.554, 0.944, 0.646], rel=0.003)  # Table 2 of the paper
     feet = [sum(line.angles.values()) - 2 * line.angles["hip"] for line in lines]
     assert [foot - feet[0] for foot in feet] == [0, 20, 45]
-    assert all(line.paper is None for line in paper_lines(LEG, kd.Kick(speed=2.0)))
+    assert all(line.paper is None for line in sweep_report.paper_lines(LEG, kd.Kick(speed=2.0)))
 
 
 def test_the_table_has_the_values_of_each_posture(report):
@@ -90,7 +82,7 @@ def test_best_and_worst_are_the_extremes_of_the_possible_postures():
 
 
 def test_the_report_compares_with_pinocchio(report, monkeypatch):
-    assert max(pinocchio_differences(report[3])) < closed_form()
+    assert max(sweep_report.pinocchio_differences(report[3])) < closed_form()
     exact = sweep_report.strike_by_pinocchio
 
     def wrong(*kick):
@@ -98,14 +90,16 @@ def test_the_report_compares_with_pinocchio(report, monkeypatch):
         return SimpleNamespace(impulse=hit.impulse * (1 + 3e-7))
 
     monkeypatch.setattr(sweep_report, "strike_by_pinocchio", wrong)
-    assert max(pinocchio_differences(report[3])) == pytest.approx(3e-7, rel=closed_form(1 / 3e-7))
-    assert "1e-05" in text(report[2], report[3], 200)
-    assert pinocchio_differences([]) == []
+    assert max(sweep_report.pinocchio_differences(report[3])) == pytest.approx(
+        3e-7, rel=closed_form(1 / 3e-7)
+    )
+    assert "1e-05" in sweep_report.text(report[2], report[3], 200)
+    assert sweep_report.pinocchio_differences([]) == []
 
 
 def test_a_page_shows_the_fastest_foot_that_the_joints_allow():
     grid, data, summary, (best, worst) = swept(POSTURES)
-    fast, usual, least, last = page_lines(LEG, grid, KICK, summary, [best, worst])
+    fast, usual, least, last = sweep_report.page_lines(LEG, grid, KICK, summary, [best, worst])
     assert fast.angles == usual.angles == best.angles
     assert last.angles == worst.angles
     use = np.max(np.abs(fast.outcome.impact.v_before) / LEG.velocity_limit)
@@ -121,5 +115,7 @@ def test_a_page_shows_the_fastest_foot_that_the_joints_allow():
     model.upperVelocityLimit[:] = np.inf
     leg = kd.Leg.from_model(model, "toe")
     grid, _, summary, lines = swept(POSTURES, leg=leg)
-    assert len(page_lines(leg, grid, KICK, summary, lines)) == 3  # there is no fastest foot
-    assert page_lines(LEG, grid, KICK, summary, []) == []
+    assert (
+        len(sweep_report.page_lines(leg, grid, KICK, summary, lines)) == 3
+    )  # there is no fastest foot
+    assert sweep_report.page_lines(LEG, grid, KICK, summary, []) == []

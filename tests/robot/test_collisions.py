@@ -30,10 +30,9 @@ def legs(folder, kind, size):
     return kd.Leg.from_mjcf(path, "right")
 
 
-@pytest.mark.parametrize(
-    ("kind", "size", "lowest"),
-    [("capsule", "0.04 0.3", 0.26), ("sphere", "0.04", 0.56), ("box", "0.1 0.04 0.3", 0.3)],
-)
+@pytest.mark.parametrize(("kind", "size", "lowest"), [
+    ("capsule", "0.04 0.3", 0.26), ("sphere", "0.04", 0.56), ("box", "0.1 0.04 0.3", 0.3)
+])  # fmt: skip
 def test_crossed_legs_are_inside_each_other_and_straight_ones_are_not(tmp_path, kind, size, lowest):
     leg = legs(tmp_path, kind, size)
     assert find_self_collisions(leg, leg.configuration()) == {}
@@ -79,13 +78,10 @@ JOINT = (
 )
 
 
-@pytest.mark.parametrize(
-    ("urdf", "srdf"),
-    [
-        ("urdf/other.urdf", "urdf/three.srdf"),  # by the name of the robot
-        ("urdf/other.urdf", "srdf/Three.srdf"),  # in the folder srdf beside its folder
-    ],
-)
+@pytest.mark.parametrize(("urdf", "srdf"), [
+    ("urdf/other.urdf", "urdf/three.srdf"),  # by the name of the robot
+    ("urdf/other.urdf", "srdf/Three.srdf"),  # in the folder srdf beside its folder
+])  # fmt: skip
 def test_pairs_that_the_srdf_disables_do_not_count(tmp_path, urdf, srdf):
     """A shank reaches thigh and trunk where the knee is bent by 166 degrees."""
     box = "0.1 0.1 0.3"
@@ -120,15 +116,12 @@ def test_the_nearest_point_of_a_body_and_its_normal(tmp_path, ahead):
     assert contact.point[0] == pytest.approx(0.1, abs=GJK)
 
 
-@pytest.mark.parametrize(
-    ("axis", "place", "size", "counts"),
-    [
-        ("1 0 0", "0.02 0.03 0", "0.3 0.3 0.1", False),  # axes that cross within the bodies
-        ("1 0 0", "0 0 -0.02", "0.3 0.3 0.1", True),  # axes 2 cm apart
-        ("0 1 0", "0 0 0", "0.3 0.3 0.1", True),  # parallel axes
-        ("1 0 0", "0 0 0", "0.01 0.01 0.01", True),  # a shape that is far from the crossing
-    ],
-)
+@pytest.mark.parametrize(("axis", "place", "size", "counts"), [
+    ("1 0 0", "0.02 0.03 0", "0.3 0.3 0.1", False),  # axes that cross within the bodies
+    ("1 0 0", "0 0 -0.02", "0.3 0.3 0.1", True),  # axes 2 cm apart
+    ("0 1 0", "0 0 0", "0.3 0.3 0.1", True),  # parallel axes
+    ("1 0 0", "0 0 0", "0.01 0.01 0.01", True),  # a shape that is far from the crossing
+])  # fmt: skip
 def test_bodies_on_both_sides_of_axes_that_meet_do_not_count(tmp_path, axis, place, size, counts):
     """Shank and foot of an ankle whose roll and pitch axes cross are forks."""
     centre = "0 0.3 -0.12" if size == "0.01 0.01 0.01" else "0 0 -0.12"

@@ -165,10 +165,8 @@ def test_lengths_scale_with_height_and_torques_with_weight_and_height():
         assert getattr(tall, limit).tolist() == getattr(paper, limit).tolist()
 
 
-@pytest.mark.parametrize(
-    ("sex", "strength"),
-    [("male", (0.161, 0.163, 0.095)), ("female", (0.181, 0.159, 0.104))],
-)
+@pytest.mark.parametrize(("sex", "strength"), [
+    ("male", (0.161, 0.163, 0.095)), ("female", (0.181, 0.159, 0.104))])  # fmt: skip
 def test_torques_are_those_of_anderson(sex, strength):
     """Anderson et al. 2007, Table 3: hip and knee extension, plantar flexion, 18-25 years."""
     leg = kd.Leg.human(height=1.7, mass=65, sex=sex)

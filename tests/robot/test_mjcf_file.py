@@ -54,18 +54,15 @@ def test_a_bad_file_is_refused_with_one_line(tmp_path, name):
         kd.Leg.from_mjcf(write(tmp_path, robot=text), "arm")
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("none.xml", "'none.xml' is missing"),
-        ("", "'', which: is not a regular file"),
-        ("robot.xml", "'robot.xml' twice"),
-        ("other.xml", "'other.xml' twice"),  # which includes itself
-        ("../secret.xml", "refused: it lies outside"),
-        ("link.xml", "'link.xml' is refused"),
-        ("m0.xml", "deeper than 64"),  # which includes m1.xml, and so on
-    ],
-)
+@pytest.mark.parametrize(("name", "said"), [
+    ("none.xml", "'none.xml' is missing"),
+    ("", "'', which: is not a regular file"),
+    ("robot.xml", "'robot.xml' twice"),
+    ("other.xml", "'other.xml' twice"),  # which includes itself
+    ("../secret.xml", "refused: it lies outside"),
+    ("link.xml", "'link.xml' is refused"),
+    ("m0.xml", "deeper than 64"),  # which includes m1.xml, and so on
+])  # fmt: skip
 def test_a_file_that_cannot_be_included_is_named(tmp_path, name, said):
     folder = tmp_path / "model"
     folder.mkdir()
@@ -166,15 +163,12 @@ def test_geoms_are_drawn(tmp_path):
     assert corners.max(axis=0) == pytest.approx([1.2, 0.4, 0.6])
 
 
-@pytest.mark.parametrize(
-    ("actuators", "passive"),
-    [
-        ('<motor joint="b"/>', ("a",)),
-        ('<motor joint="a"/><motor jointinparent="b"/>', ()),
-        ("", ()),  # a file without actuators says nothing about them
-        ('<motor tendon="t"/>', ()),
-    ],
-)
+@pytest.mark.parametrize(("actuators", "passive"), [
+    ('<motor joint="b"/>', ("a",)),
+    ('<motor joint="a"/><motor jointinparent="b"/>', ()),
+    ("", ()),  # a file without actuators says nothing about them
+    ('<motor tendon="t"/>', ()),
+])  # fmt: skip
 def test_joints_that_no_actuator_drives_are_passive(tmp_path, actuators, passive):
     body = '<body name="{0}"><joint name="{0}" type="slide"/><geom size="0.1" pos="0 0 {1}"/>'
     tendon = '<tendon><fixed name="t"><joint joint="a" coef="1"/></fixed></tendon>'

@@ -52,15 +52,12 @@ def test_names_in_the_robots_package(robot, name, file):
     assert path == robot / file
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "../../../secret.stl",
-        "package://robot_description/../../secret.stl",
-        "{top}/secret.stl",
-        "link.stl",
-    ],
-)
+@pytest.mark.parametrize("name", [
+    "../../../secret.stl",
+    "package://robot_description/../../secret.stl",
+    "{top}/secret.stl",
+    "link.stl",
+])  # fmt: skip
 @pytest.mark.parametrize("is_named", [False, True])
 def test_files_outside_are_refused(robot, tmp_path, name, is_named):
     """Also if the package itself is named in package_dirs."""
@@ -72,25 +69,21 @@ def test_files_outside_are_refused(robot, tmp_path, name, is_named):
     assert repr(name) in str(refusal.value)
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        *((f"{scheme}://a.stl", "no addresses") for scheme in ("http", "ftp", "javascript", "")),
-        ("file://meshes/a.stl", "no addresses"),
-        ("package://hand/hand.stl", "'hand' is unknown; .*--package-dir.*ROS_PACKAGE_PATH"),
-        (f"package://{'x' * 5000}/a.stl", "is unknown|cannot be found"),
-        ("a\0b.stl", "cannot be found"),
-    ],
-)
+@pytest.mark.parametrize(("name", "said"), [
+    *((f"{scheme}://a.stl", "no addresses") for scheme in ("http", "ftp", "javascript", "")),
+    ("file://meshes/a.stl", "no addresses"),
+    ("package://hand/hand.stl", "'hand' is unknown; .*--package-dir.*ROS_PACKAGE_PATH"),
+    (f"package://{'x' * 5000}/a.stl", "is unknown|cannot be found"),
+    ("a\0b.stl", "cannot be found"),
+])  # fmt: skip
 def test_names_of_no_file_are_refused(robot, name, said):
     with pytest.raises(kd.InvalidInput, match=said):
         PackageFiles(robot / "urdf").find(name)
 
 
-@pytest.mark.parametrize(
-    ("name", "folder"),
-    [("hand", "hand"), ("repo", "repo"), ("hand", "."), ("hand", "../ws"), ("hand", "x/../.")],
-)
+@pytest.mark.parametrize(("name", "folder"), [
+    ("hand", "hand"), ("repo", "repo"), ("hand", "."), ("hand", "../ws"), ("hand", "x/../.")
+])  # fmt: skip
 def test_package_dirs_are_packages_or_contain_them(tmp_path, robot, name, folder):
     """By the name in the manifest or by that of the folder; folders in them, by their names."""
     hand = package(tmp_path / "ws" / name, "hand", "meshes/hand.stl")

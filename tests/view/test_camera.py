@@ -34,6 +34,16 @@ def test_all_is_in_the_picture_as_near_as_possible(distance, way):
     camera = camera_for(LEG, curve, way)
     slopes = seen(camera, np.vstack([LEG, curve]))
     in_the_picture(slopes)
+    lens, sun = "Cameras/default/rotated/<object>", "Lights/FillLight/<object>"
+    viewer = recording_viewer()
+    set_stage(viewer, camera, points := np.vstack([LEG, curve]))
+    stage = DrawnScene(viewer).properties
+    away, around = camera.distance(points), np.linalg.norm(points - camera.target, axis=1)
+    assert stage[lens, "near"] < away.min() < away.max() < stage[lens, "far"]
+    assert stage[lens, "fov"] == 44.0
+    assert stage[sun, "reach"] == pytest.approx(around.max())
+    assert np.linalg.norm(stage[sun, "position"]) > around.max() > 0  # shines from outside
+    assert stage[sun, "position"][2] > 0
     (right, up), (left, down) = slopes.max(axis=0), slopes.min(axis=0)
     gaps = max(RIGHT - right, left + LEFT), max(TOP - up, down + BOTTOM)
     assert min(gaps) == pytest.approx(0.0, abs=closed_form(1e4))

@@ -18,6 +18,7 @@ from kickdyn.planning.meeting import arrival_of
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.view import kick_scene
 from kickdyn.view.document import recording_viewer
+from kickdyn.view.wall_and_goal import wall_boxes
 
 
 def drawn_kick(impact, path, **options):
@@ -51,6 +52,38 @@ def test_leg_and_ball_are_where_they_are_at_each_time(kick, drawn):
     assert scene.options == {"play": True, "repetitions": math.inf}
     ends = {max(keys) for tracks in scene.tracks.values() for keys in tracks.values()}
     assert ends == {pace.end}  # so that they repeat together
+
+
+@pytest.mark.parametrize("wall", [False, True])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_all_that_is_drawn_is_in_the_picture(make_kick, wall, way):
+    """Axes stand at the right of the flight, behind the ball; distances lead to its end."""
+    hit, ball, _ = make_kick(kd.Leg.human(), 6.0, attack=90.0 - way * 70.0)
+    path = kd.fly(hit.ball_after, ball, ground=kd.Ground(-2.0))
+    ahead = way * np.array([1.0, 0.0, 0.0])
+    foot = np.array([*hit.ball_before.position[:2], -2.0])
+    boxes = wall_boxes(foot, ahead, 2.0, 4.0, 6.0) if wall else []
+    scene, *_ = drawn_kick(hit, path, scenery=boxes)
+    meshes = [node for node in scene.objects
+              if "data" in scene.shape(node) and not node.startswith("ground")]  # fmt: skip
+    points = [foot[None], *(scene.vertices(node) for node in meshes)]
+    points += [box.corners() for box in boxes]
+    for node in ("arrow", *(f"joint_arrows/{k}" for k in (1, 2, 3)), *(f"axes/{k}" for k in "xyz")):
+        start, vector = scene.arrow(node)
+        points.append([start, start + vector])
+    in_the_picture(scene.slopes(np.vstack(points)))
+    origin = scene.point("axes") - foot
+    assert (origin @ ahead < 0, origin[1] * way < 0) == (True, True)
+    assert origin[2] == pytest.approx(0.0, abs=closed_form(10))
+    marks = re.findall(r'data-node="/meshcat/(distances/\d+)">([\d.]+) m<', scene.labels)
+    for node, text in marks:
+        agrees(scene.point(node), foot + float(text) * ahead, closed_form(10))
+    last, step = (max(float(text) for _, text in marks), float(marks[2][1]))
+    assert abs(last - np.linalg.norm(path.landing.position[:2] - foot[:2])) < step
+    lawn = scene.mesh("ground")
+    stripes = np.unique(np.abs((lawn.vertices - foot) @ ahead).round(4))
+    assert step in stripes.round(3)
+    assert set(scene.objects) >= {f"scenery/{k}" for k in range(len(boxes))}
 
 
 def test_a_planned_motion_is_shown_with_its_configurations():
@@ -90,8 +123,10 @@ def test_arrows_have_the_direction_and_length_of_their_impulses(kick, drawn):
     sizes = np.sort(np.linalg.norm(impact.joint_impulses[:, :3], axis=1))
     arrows = kick_scene.impulse_arrows(impact, (sizes[0] + sizes[1]) / 2)
     assert [arrow.size for arrow in arrows[1:]] == pytest.approx(sizes[:0:-1])
-    none = impact.solution._replace(impulses=np.zeros((1, 3)))
-    assert kick_scene.impulse_arrows(dataclasses.replace(impact, solution=none), 0.0) == []
+    for share, names in ((0.0, []), (1e-6, ["ball"])):  # of an impulse, however small
+        scaled = impact.solution._replace(impulses=share * impact.solution.impulses)
+        arrows = kick_scene.impulse_arrows(dataclasses.replace(impact, solution=scaled), 1.0)
+        assert [arrow.name for arrow in arrows] == names
 
 
 @pytest.mark.parametrize("duration", [0.0, 0.1, 2.5, 1000.0])
@@ -124,6 +159,8 @@ def test_the_leg_passes_the_impact_with_its_velocities_within_its_limits(make_ki
     late = [kick_scene.leg_configuration(hit, time) for time in (-10.0, 0.1, 10.0, 20.0)]
     assert all(((leg.lower <= x) & (x <= leg.upper)).all() for x in late)
     np.testing.assert_allclose(late[2], late[3])
+    stopped = SimpleNamespace(posture=hit.posture, v_before=hit.v_before, v_after=np.zeros(3))
+    np.testing.assert_array_equal(kick_scene.leg_configuration(stopped, 0.5), q)
     outside = make_kick(kd.Leg.human(), 1.0, degrees=(-30, -20, 0))[0]
     np.testing.assert_array_equal(kick_scene.leg_configuration(outside, 0.0), outside.posture.q)
 

@@ -35,6 +35,13 @@ def test_a_simulated_run_is_beside_the_plan_at_the_same_times(hits):
         if hits and time >= after.time:
             right = run.path.sample(min(time - after.time, run.path.duration)).position
         agrees(scene.point("run/ball", frame) - offset, right, 10 * SINGLE)
+    right = np.cross(forward, (0, 0, 1)) / np.hypot(*forward[:2])
+    planned, simulated = (
+        np.vstack([scene.vertices(node) for node in scene.objects
+                   if node.startswith(start) and "data" in scene.shape(node)]) @ right
+        for start in ("leg/", "run/leg/")
+    )  # fmt: skip
+    assert planned.max() < simulated.min()  # beside, not inside each other
     assert ("run/curve" in scene.objects) is hits
     if hits:
         agrees(scene.curve("run/curve")[-1] - offset, run.path.landing.position, 10 * SINGLE)

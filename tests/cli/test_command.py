@@ -39,8 +39,7 @@ def ends(command, capsys):
 
 
 @pytest.mark.parametrize(("error", "code", "lines"), [
-    (None, 0, []),
-    (kd.InvalidInput("mass is -1 kg"), 2, ["mass is -1 kg"]),
+    (None, 0, []), (kd.InvalidInput("mass is -1 kg"), 2, ["mass is -1 kg"]),
     (kd.InvalidInput("mass is -1 kg", "e is 2"), 2, ["mass is -1 kg", "e is 2"]),
     (kd.UrdfError("a.urdf", ["no link", "no joint"]), 2, ["a.urdf: no link; no joint"]),
     (kd.SceneError("s.toml", ["a", "b"]), 2, ["s.toml: a", "s.toml: b"]),

@@ -55,12 +55,10 @@ def test_a_bad_file_is_refused_with_one_line(tmp_path, name):
 
 
 @pytest.mark.parametrize(("name", "said"), [
-    ("none.xml", "'none.xml' is missing"),
-    ("", "'', which: is not a regular file"),
+    ("none.xml", "'none.xml' is missing"), ("", "'', which: is not a regular file"),
     ("robot.xml", "'robot.xml' twice"),
     ("other.xml", "'other.xml' twice"),  # which includes itself
-    ("../secret.xml", "refused: it lies outside"),
-    ("link.xml", "'link.xml' is refused"),
+    ("../secret.xml", "refused: it lies outside"), ("link.xml", "'link.xml' is refused"),
     ("m0.xml", "deeper than 64"),  # which includes m1.xml, and so on
 ])  # fmt: skip
 def test_a_file_that_cannot_be_included_is_named(tmp_path, name, said):
@@ -164,8 +162,7 @@ def test_geoms_are_drawn(tmp_path):
 
 
 @pytest.mark.parametrize(("actuators", "passive"), [
-    ('<motor joint="b"/>', ("a",)),
-    ('<motor joint="a"/><motor jointinparent="b"/>', ()),
+    ('<motor joint="b"/>', ("a",)), ('<motor joint="a"/><motor jointinparent="b"/>', ()),
     ("", ()),  # a file without actuators says nothing about them
     ('<motor tendon="t"/>', ()),
 ])  # fmt: skip

@@ -53,9 +53,7 @@ def test_names_in_the_robots_package(robot, name, file):
 
 
 @pytest.mark.parametrize("name", [
-    "../../../secret.stl",
-    "package://robot_description/../../secret.stl",
-    "{top}/secret.stl",
+    "../../../secret.stl", "package://robot_description/../../secret.stl", "{top}/secret.stl",
     "link.stl",
 ])  # fmt: skip
 @pytest.mark.parametrize("is_named", [False, True])

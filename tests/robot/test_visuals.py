@@ -118,10 +118,10 @@ def test_a_collada_file_is_turned_z_up(folder, up, size, middle):
     box.apply_translation([0.5, 0.6, 0.7])
     text = box.export(file_type="dae").decode()
     (folder / "up.dae").write_text(re.sub(r"<up_axis>\w+", f"<up_axis>{up}", text))
-    (surface,) = read("up.dae", folder)
-    assert np.ptp(surface.vertices, axis=0) == pytest.approx(size)
+    (surface,) = read("up.dae", folder, (1, 2, 4))  # along the axes of the robot
+    assert np.ptp(surface.vertices, axis=0) == pytest.approx(np.multiply(size, (1, 2, 4)))
     ends = surface.vertices.max(axis=0) + surface.vertices.min(axis=0)
-    assert ends / 2 == pytest.approx(middle)
+    assert ends / 2 == pytest.approx(np.multiply(middle, (1, 2, 4)))
 
 
 def collada():

@@ -63,9 +63,8 @@ def test_a_short_kick_goes_to_the_right_and_a_wall_is_seen_from_behind():
     agrees(large.position, 1000 * beside.position, closed_form(100))
 
 
-@pytest.mark.parametrize(
-    ("extent", "width"), [(6, 1), (11.9, 1), (12, 2), (30, 5), (59, 5), (0.6, 0.1)]
-)
+@pytest.mark.parametrize(("extent", "width"), [
+    (6, 1), (11.9, 1), (12, 2), (30, 5), (59, 5), (0.6, 0.1)])  # fmt: skip
 def test_stripes_are_round_numbers_of_a_sixth_or_less(extent, width):
     assert cameras.stripe_width(extent) == pytest.approx(width)
 

@@ -29,11 +29,12 @@ def test_a_curve_keeps_its_thickness():
     agrees(np.linalg.norm(away, axis=2), np.tile(radii[:, None], 8), 10 * SINGLE)
     across = np.einsum("nsi,ni->ns", away[:-1], np.diff(points, axis=0))
     np.testing.assert_allclose(across, 0, atol=1e-8)
-    tube = scene.mesh("x")  # closed but for its ends, and seen from outside
+    tube = scene.mesh("x")  # of eight sides, closed but for its ends, with normals outwards
     counts = np.bincount(tube.edges_unique_inverse)
     assert ((counts == 1).sum(), (counts == 2).sum()) == (16, len(counts) - 16)
     outwards = tube.triangles_center - points[tube.faces // 8].mean(axis=1)
-    assert (np.einsum("ni,ni->n", tube.face_normals, outwards) > 0).all()
+    reach = np.einsum("ni,ni->n", tube.face_normals, outwards) / radii[tube.faces // 8].mean(axis=1)
+    np.testing.assert_allclose(reach, np.cos(np.pi / 8), rtol=0.01)
     assert drawn(marks.draw_curve, np.ones((5, 3)), np.ones(5), -Y).commands == []
 
 
@@ -52,7 +53,7 @@ def test_the_ground_is_level_with_stripes_across_the_flight():
     near = vertices[np.abs(vertices).max(axis=1) < 9.7, 1]
     agrees(np.unique(near.round(5)), 0.5 * np.arange(-19, 20), SINGLE)
     lawn = scene.mesh("x")
-    assert (lawn.face_normals == (0, 0, 1)).all()  # the other side of a face is not seen
+    assert (lawn.face_normals == (0, 0, 1)).all()
     assert lawn.area == pytest.approx((2 * 100 * 10.0) ** 2)
     light, deep = (np.array(list(colour.to_bytes(3))) / 255 for colour in marks.GRASS)
     colours = packed_array(scene.shape("x")["data"]["attributes"]["color"])
@@ -96,10 +97,11 @@ def test_a_ball_is_a_sphere_with_twelve_dark_panels():
 
 def test_dots_are_round_their_points_and_a_tee_reaches_from_the_ground_to_the_ball():
     points = np.array([(0.0, 0.0, 1.0), (5.0, 2.0, 3.0)])
-    vertices = drawn(marks.draw_dots, points, 0.1, 0).vertices("x").reshape(2, 12, 3)
+    dots = drawn(marks.draw_dots, points, 0.1, 0).mesh("x")
+    vertices = dots.vertices.reshape(2, 12, 3)
     agrees(vertices.mean(axis=1), points, SINGLE)
     assert np.linalg.norm(vertices - points[:, None], axis=2) == pytest.approx(0.1, rel=10 * SINGLE)
-    assert drawn(marks.draw_dots, points, 0.1, 0).mesh("x").is_watertight
+    assert dots.volume == pytest.approx(2 * 2.5361507 * 0.1**3, rel=1e-5)  # icosahedra
     scene = drawn(marks.draw_tee, np.array([1.0, 2.0, 0.5]), 0.3, 0.11)
     half = scene.shape("x")["height"] / 2
     for end, z in ((-half, 0.2), (half, 0.5)):

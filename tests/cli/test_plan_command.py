@@ -112,11 +112,14 @@ def test_the_kick_of_a_document_can_be_done_again(kickdyn):
 def test_a_free_kick_over_a_wall_into_the_corner(kickdyn, tmp_path, monkeypatch):
     """Distances to post, bar and wall follow from the goal of 7.32 by 2.44 m and the ball."""
     where, drawn = "--distance 20 --left 3.4 --height 2.1 --wall 9.15:1.9 --goal", []
-    goal_boxes = "kickdyn.view.wall_and_goal.goal_boxes"
-    monkeypatch.setattr(goal_boxes, lambda foot, distance: drawn.append(distance) or [])
+    for name in ("goal_boxes", "wall_boxes"):
+        drawer = f"kickdyn.view.wall_and_goal.{name}"
+        monkeypatch.setattr(drawer, lambda *values: drawn.append(np.hstack(values)[2:]) or [])
     ended = kickdyn(f"plan {where} --view free.html --json free.json")
     document = json.loads((tmp_path / "free.json").read_text())
-    assert drawn == [pytest.approx(20.0)]
+    floor, ahead = HEIGHT - BALL.radius, np.array([20.0, 3.4, 0.0]) / math.hypot(20.0, 3.4)
+    for values, right in zip(drawn, ([floor, *ahead, 9.15, 1.9, 2.5], [floor, 20.0]), strict=True):
+        assert values == pytest.approx(right)
     post, bar = 7.32 / 2 - 3.4 - BALL.radius, 2.44 - 2.1 - 2 * BALL.radius
     assert document["goal_mouth"]["end"] == "in"
     assert document["goal_mouth"]["post"] == pytest.approx(post, abs=optimized(1e-7))

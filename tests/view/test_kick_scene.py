@@ -1,6 +1,7 @@
 """A kick, drawn and moving: everything is where Pinocchio and the flight have it at the time."""
 
 import dataclasses
+import itertools
 import math
 import re
 from types import SimpleNamespace
@@ -54,36 +55,43 @@ def test_leg_and_ball_are_where_they_are_at_each_time(kick, drawn):
     assert ends == {pace.end}  # so that they repeat together
 
 
-@pytest.mark.parametrize("wall", [False, True])
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_all_that_is_drawn_is_in_the_picture(make_kick, wall, way):
+@pytest.mark.parametrize(("speed", "attack", "drop", "box"), [
+    (6.0, 20.0, 2.0, ""), (6.0, 160.0, 2.0, ""), (6.0, 20.0, 2.0, "wall"), (0.5, 85.0, 0.0, ""),
+    (3.0, 20.0, 0.0, "leg")])  # fmt: skip
+def test_all_that_is_drawn_is_in_the_picture(make_kick, leg_looking_like, speed, attack, drop, box):
     """Axes stand at the right of the flight, behind the ball; distances lead to its end."""
-    hit, ball, _ = make_kick(kd.Leg.human(), 6.0, attack=90.0 - way * 70.0)
-    path = kd.fly(hit.ball_after, ball, ground=kd.Ground(-2.0))
-    ahead = way * np.array([1.0, 0.0, 0.0])
-    foot = np.array([*hit.ball_before.position[:2], -2.0])
-    boxes = wall_boxes(foot, ahead, 2.0, 4.0, 6.0) if wall else []
+    large = "<visual><geometry><box size='3 1 1'/></geometry></visual>"
+    leg = leg_looking_like(large) if box == "leg" else kd.Leg.human()
+    hit, ball, _ = make_kick(leg, speed, (-30, 100, 0)[: leg.nq], attack)
+    start, ahead = hit.ball_before.position, np.sign(90 - attack) * np.array([1.0, 0.0, 0.0])
+    foot = start - (0.0, 0.0, ball.radius + drop)
+    path = kd.fly(hit.ball_after, ball, ground=kd.Ground(foot[2]))
+    boxes = wall_boxes(foot, ahead, 2.0, 4.0, 6.0) if box == "wall" else []
     scene, *_ = drawn_kick(hit, path, scenery=boxes)
-    meshes = [node for node in scene.objects
-              if "data" in scene.shape(node) and not node.startswith("ground")]  # fmt: skip
-    points = [foot[None], *(scene.vertices(node) for node in meshes)]
-    points += [box.corners() for box in boxes]
-    for node in ("arrow", *(f"joint_arrows/{k}" for k in (1, 2, 3)), *(f"axes/{k}" for k in "xyz")):
-        start, vector = scene.arrow(node)
-        points.append([start, start + vector])
-    in_the_picture(scene.slopes(np.vstack(points)))
+    points = [foot]
+    for node in scene.objects:
+        shape, pose = scene.shape(node), scene.pose(node)
+        if shape["type"] == "BoxGeometry":
+            half = [shape[name] / 2 for name in ("width", "height", "depth")]
+            corners = np.array(list(itertools.product((-1, 1), repeat=3))) * half
+            points += list(corners @ pose[:3, :3].T + pose[:3, 3])
+        elif "data" in shape and not node.startswith("ground"):
+            points += list(scene.vertices(node))
+        elif node.endswith("shaft"):
+            begin, vector = scene.arrow(node.removesuffix("/shaft"))
+            points += [begin, begin + vector]
+    in_the_picture(scene.slopes(points))
     origin = scene.point("axes") - foot
-    assert (origin @ ahead < 0, origin[1] * way < 0) == (True, True)
+    assert (origin @ ahead < 0, origin @ np.cross(ahead, (0, 0, 1)) > 0) == (True, True)
     assert origin[2] == pytest.approx(0.0, abs=closed_form(10))
-    marks = re.findall(r'data-node="/meshcat/(distances/\d+)">([\d.]+) m<', scene.labels)
-    for node, text in marks:
-        agrees(scene.point(node), foot + float(text) * ahead, closed_form(10))
-    last, step = (max(float(text) for _, text in marks), float(marks[2][1]))
-    assert abs(last - np.linalg.norm(path.landing.position[:2] - foot[:2])) < step
-    lawn = scene.mesh("ground")
-    stripes = np.unique(np.abs((lawn.vertices - foot) @ ahead).round(4))
-    assert step in stripes.round(3)
-    assert set(scene.objects) >= {f"scenery/{k}" for k in range(len(boxes))}
+    shown = re.findall(r'data-node="/meshcat/(distances/\d+)">([\d.]+) m<', scene.labels)
+    distances = np.array([float(text) for _, text in shown])
+    for (node, _), distance in zip(shown, distances, strict=True):
+        agrees(scene.point(node), foot + distance * ahead, closed_form(10))
+    step = np.diff(np.unique(distances)).min()
+    assert abs(distances.max() - np.hypot(*(path.landing.position - foot)[:2])) < step
+    edges = np.unique(((scene.vertices("ground") - foot) @ ahead).round(4))
+    assert np.diff(edges).min() == pytest.approx(step)
 
 
 def test_a_planned_motion_is_shown_with_its_configurations():

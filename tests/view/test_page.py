@@ -49,6 +49,12 @@ def test_the_wall_of_a_scene_stands_on_the_lower_of_both_ends(kick):
     box = shown.shape("scenery/0")
     assert z - box["depth"] / 2 == pytest.approx(min(heights) - ball.radius)
     assert x - box["width"] / 2 == pytest.approx(3.0)  # the plane
+    # players stand on the ground, here 0.4 m below the ball, in front of it
+    level = heights[0] - ball.radius - 0.4
+    walled = scene.replace(wall=kd.Wall(1.2, 0.3), ground=kd.Ground(level))
+    shown = DrawnScene(kd.page(kd.simulate(walled, tolerance=0.1)).viewer)
+    right = scene.ball_position[0] + 1.2, scene.ball_position[1], level + 0.3 / 2
+    assert shown.point("scenery/3") == pytest.approx(right)  # the third of five
 
 
 def test_a_failed_write_leaves_the_earlier_page(tmp_path, page, monkeypatch):

@@ -135,9 +135,7 @@ def test_a_free_kick_over_a_wall_into_the_corner(kickdyn, tmp_path, monkeypatch)
 
 
 def test_warnings_are_in_text_page_and_json(kickdyn, tmp_path):
-    ended = kickdyn(
-        "plan --distance 100 --time 3 --no-limits --view kick.html --json kick.json"
-    )  # fmt: skip
+    ended = kickdyn("plan --distance 100 --time 3 --no-limits --view kick.html --json kick.json")
     warnings = json.loads((tmp_path / "kick.json").read_text())["warnings"]
     assert any("drag" in line for line in warnings)
     page, text = (tmp_path / "kick.html").read_text(), " ".join(ended.out.split())
@@ -148,11 +146,7 @@ def test_warnings_are_in_text_page_and_json(kickdyn, tmp_path):
 
 @pytest.mark.parametrize(("line", "limit", "nearest"), [
     ("--distance 20 --launch-speed 5", "least-speed", lambda reached: reached["speed"] > 5),
-    (
-        "--distance 20 --time 60 --pass turf",
-        "rolling",
-        lambda reached: 0 < reached["time"] < 60,
-    ),
+    ("--distance 20 --time 60 --pass turf", "rolling", lambda reached: 0 < reached["time"] < 60),
 ])  # fmt: skip
 def test_an_unreachable_goal_ends_with_2_and_the_nearest_one(line, limit, nearest, kickdyn):
     document = kickdyn(f"plan {line} --json -", code=2).json

@@ -1,7 +1,6 @@
 """A kick, drawn and moving: everything is where Pinocchio and the flight have it at the time."""
 
 import dataclasses
-import itertools
 import math
 import re
 from types import SimpleNamespace
@@ -10,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import planned_motions
 import pytest
+import trimesh
 from drawn_scene import SINGLE, DrawnScene, check_joints, in_the_picture
 from scipy.spatial.transform import Rotation
 from tolerances import agrees, closed_form, differenced
@@ -70,11 +70,10 @@ def test_all_that_is_drawn_is_in_the_picture(make_kick, leg_looking_like, speed,
     scene, *_ = drawn_kick(hit, path, scenery=boxes)
     points = [foot]
     for node in scene.objects:
-        shape, pose = scene.shape(node), scene.pose(node)
+        shape = scene.shape(node)
         if shape["type"] == "BoxGeometry":
-            half = [shape[name] / 2 for name in ("width", "height", "depth")]
-            corners = np.array(list(itertools.product((-1, 1), repeat=3))) * half
-            points += list(corners @ pose[:3, :3].T + pose[:3, 3])
+            size = [shape[name] for name in ("width", "height", "depth")]
+            points += list(trimesh.creation.box(size, scene.pose(node)).vertices)
         elif "data" in shape and not node.startswith("ground"):
             points += list(scene.vertices(node))
         elif node.endswith("shaft"):

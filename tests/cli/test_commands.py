@@ -33,18 +33,11 @@ def test_help_is_short_and_imports_nothing_heavy():
     assert all(f"  {name} " in ended.stdout for name in COMMANDS)
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["-c", SCRIPT], "Commands:"),
-        (["-m", "kickdyn", "--version"], "kickdyn, version"),
-        pytest.param(
-            ["-m", "kickdyn.posture_sweep", "--help"], "Example: kickdyn posture-sweep",
-            marks=pytest.mark.slow,
-        ),
-    ],
-    ids=["script without words", "python -m kickdyn", "python -m kickdyn.posture_sweep"],
-)  # fmt: skip
+@pytest.mark.parametrize(("words", "said"), [
+    (["-c", SCRIPT], "Commands:"), (["-m", "kickdyn", "--version"], "kickdyn, version"),
+    pytest.param(["-m", "kickdyn.posture_sweep", "--help"], "Example: kickdyn posture-sweep",
+                 marks=pytest.mark.slow),
+], ids=["script without words", "python -m kickdyn", "kickdyn.posture_sweep"])  # fmt: skip
 def test_a_command_can_be_started_in_three_ways(words, said):
     ended = started("-W", "error", *words)
     assert (ended.returncode, ended.stderr) == (0, "")

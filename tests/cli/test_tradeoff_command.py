@@ -65,13 +65,11 @@ def test_the_exact_impulses_are_those_with_50_digits(friction):
 def test_no_function_on_the_front_is_slower_at_equal_error():
     nan = math.nan
     table = [
-        ("strike", 4e-5, False, 5e-16, 0.05),
         ("pin.impulseDynamics, bare", 1e-5, False, 5e-16, 0.1),
-        ("collide", 2e-2, False, 3e-9, nan),
-        ("strike_many", 1e-7, True, 5e-16, 0.05),
-        ("sweep", 5e-7, True, 1e-15, 0.05),
+        ("strike", 4e-5, False, 5e-16, 0.05), ("collide", 2e-2, False, 3e-9, nan),
+        ("strike_many", 1e-7, True, 5e-16, 0.05), ("sweep", 5e-7, True, 1e-15, 0.05),
         ("fly", 1e-3, False, 6e-11, nan),
-    ]
+    ]  # fmt: skip
     rows = [function_costs.FunctionCost(*row) for row in table]
     rounding, model = (function_costs.on_front(rows, kind) for kind in ("rounding", "model"))
     assert rounding == {"pin.impulseDynamics, bare", "collide", "strike_many", "fly"}

@@ -34,11 +34,8 @@ def no_ros(monkeypatch):
 def robot(tmp_path):
     """A package in a folder of another name, as repositories are, and a secret beside it."""
     touch(tmp_path, "secret.stl")
-    return package(
-        tmp_path / "ws" / "robot_repo",
-        "robot_description",
-        *("urdf/robot.urdf", "urdf/beside.stl", "meshes/a b.stl", "meshes/visual/hip.stl"),
-    )
+    files = "urdf/robot.urdf", "urdf/beside.stl", "meshes/a b.stl", "meshes/visual/hip.stl"
+    return package(tmp_path / "ws" / "robot_repo", "robot_description", *files)
 
 
 @pytest.mark.parametrize(("name", "file"), [

@@ -184,6 +184,7 @@ def test_a_supported_foot_stays_while_the_joints_move():
     robot = StandingRobot(G1.with_supports(FOOT)).robot
     posture = robot.posture(robot.configuration())
     bent = robot.configuration({"left_knee_joint": 0.7, "right_hip_pitch_joint": -1.0})
+    bent[:7] = 0.3, -0.2, 0.5, 0.0, 0.6, 0.0, 0.8  # wherever its base is
     held, data, feet = hold_support(posture, bent), robot.model.createData(), []
     for q in (posture.q, held):
         pin.framesForwardKinematics(robot.model, data, q)

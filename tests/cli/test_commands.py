@@ -78,9 +78,7 @@ def test_the_page_has_the_keys_of_a_document(line, kickdyn, written, match_ball)
     scene = (ROOT / "scenes" / "free_kick.toml").read_text("utf-8")
     written("slow.toml", scene.replace("[contact]", "[contact]\ncontact_time_s = 0.01"))
     document = kickdyn(f"{line} --json -").json
-    sections = KEYS.split("\n## ")
-    text = sections[0] + next(
-        section for section in sections if section.startswith(line.split()[0])
-    )
+    sections, name = KEYS.split("\n## "), line.split()[0]
+    text = sections[0] + next(section for section in sections if section.startswith(name))
     missing = {key for key in keys(document) if not re.search(rf"\b{key}\b", text)}
     assert missing == set()

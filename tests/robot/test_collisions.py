@@ -133,9 +133,7 @@ def test_a_flat_body_is_thickened_a_little():
     ("0 1 0", "0 0 0", "0.3 0.3 0.1", INERTIAL, True),  # parallel axes
     ("1 0 0", "0 0 0", "0.01 0.01 0.01", INERTIAL, True),  # a shape that is far from the crossing
 ])  # fmt: skip
-def test_bodies_on_both_sides_of_axes_that_meet_do_not_count(
-    tmp_path, axis, place, size, between, counts
-):
+def test_forks_around_axes_that_meet_do_not_count(tmp_path, axis, place, size, between, counts):
     """Shank and foot of an ankle whose roll and pitch axes cross are forks."""
     centre = "0 0.3 -0.12" if size == "0.01 0.01 0.01" else "0 0 -0.12"
     text = '<link name="root"/>' + LINK.format("shank", "0 0 0.15", "0.1 0.9 0.2")

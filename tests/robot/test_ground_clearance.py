@@ -26,9 +26,8 @@ SHAPES = {  # the lowest point below the shape's centre, upright and turned by 9
 
 def arm(folder, shape, turn=0.0):
     """A hinge about y at the origin, whose body has its shape 0.3 m below and 0.1 m ahead."""
-    (folder / "wedge.obj").write_text(
-        "v 0 0 -3\nv 1 2 1\nv -1 2 1\nv 0 -2 1\nf 1 2 3\nf 1 3 4\nf 2 3 4\nf 1 2 4\n"
-    )
+    wedge = "v 0 0 -3\nv 1 2 1\nv -1 2 1\nv 0 -2 1\nf 1 2 3\nf 1 3 4\nf 2 3 4\nf 1 2 4\n"
+    (folder / "wedge.obj").write_text(wedge)
     (folder / "arm.urdf").write_text(URDF.format(shape=shape, turn=turn))
     return kd.Leg.from_urdf(folder / "arm.urdf", "body")
 

@@ -31,8 +31,7 @@ def box(folder, name="box.stl", size=(0.2, 0.4, 0.6)):
 
 
 BAD = {
-    "empty": ("", "is empty"),
-    "a URDF": ('<robot name="r"/>', "Leg.from_urdf"),
+    "empty": ("", "is empty"), "a URDF": ('<robot name="r"/>', "Leg.from_urdf"),
     "composite": (MODEL.replace("</w", "<composite/></w"), "<composite>"),
     "plugins": (MODEL.replace("<w", "<extension/><w"), "<extension>"),
     "universe": (MODEL.replace('"arm"', '"universe"'), "body name 'universe'"),
@@ -44,7 +43,7 @@ BAD = {
     ),
     "nan": (MODEL.replace('"0.1"', '"nan"'), "MuJoCo cannot read it"),
     "a huge size": (MODEL.replace('"0.1"', '"1e80"'), "'arm' has a mass, moment or position"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -56,8 +55,7 @@ def test_a_bad_file_is_refused_with_one_line(tmp_path, name):
 
 @pytest.mark.parametrize(("name", "said"), [
     ("none.xml", "'none.xml' is missing"), ("", "'', which: is not a regular file"),
-    ("robot.xml", "'robot.xml' twice"),
-    ("other.xml", "'other.xml' twice"),  # which includes itself
+    ("robot.xml", "'robot.xml' twice"), ("other.xml", "'other.xml' twice"),  # it includes itself
     ("../secret.xml", "refused: it lies outside"), ("link.xml", "'link.xml' is refused"),
     ("m0.xml", "deeper than 64"),  # which includes m1.xml, and so on
 ])  # fmt: skip

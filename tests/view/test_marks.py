@@ -59,10 +59,7 @@ def test_the_ground_is_level_with_stripes_across_the_flight():
     colours = packed_array(scene.shape("x")["data"]["attributes"]["color"])
     dark = np.repeat(vertices[:, 1].reshape(-1, 4).mean(axis=1) % 1.0 > 0.5, 4)
     fade = np.clip(1.0 - np.hypot(*vertices[:, :2].T) / 10.0, 0.0, 1.0)
-    inside = np.abs(vertices[:, 1].reshape(-1, 4)).max(axis=1).repeat(4) < 10.1
-    right = light + (dark * fade)[:, None] * (deep - light)
-    agrees(colours[inside], right[inside], 10 * SINGLE)
-    agrees(colours[~inside], np.tile(light, ((~inside).sum(), 1)), 10 * SINGLE)
+    agrees(colours, light + (dark * fade)[:, None] * (deep - light), 10 * SINGLE)
 
 
 @pytest.mark.parametrize(("length", "last"), [(0.0, 1), (1.9, 1), (2.2, 2), (11.0, 6), (12.0, 6)])

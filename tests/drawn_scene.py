@@ -2,6 +2,7 @@
 
 import numpy as np
 import pinocchio as pin
+import trimesh
 import umsgpack
 from scipy.spatial.transform import Rotation
 from tolerances import agrees, closed_form
@@ -66,6 +67,11 @@ class DrawnScene:
         pose = self.pose(path)
         local = packed_array(self.shape(path)["data"]["attributes"]["position"])
         return local @ pose[:3, :3].T + pose[:3, 3]
+
+    def mesh(self, path):
+        """Return a mesh in the world."""
+        faces = packed_array(self.shape(path)["data"]["index"]).reshape(-1, 3)
+        return trimesh.Trimesh(self.vertices(path), faces, process=False)
 
     def curve(self, path):
         return self.vertices(path).reshape(-1, 8, 3).mean(axis=1)

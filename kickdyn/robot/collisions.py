@@ -103,7 +103,7 @@ def bodies_at(leg: Leg, frame: str, *, meshes: bool = True) -> list[Body]:
 
 
 def _body(frame: str, spheres: Spheres) -> Body:
-    """Return the body that spheres of one radius span."""
+    """Return a body: a sphere, a capsule of two spheres, or the hull of points without radii."""
     import coal  # takes a tenth of a second
 
     points, radius = spheres.centres, float(spheres.radii[0])
@@ -123,7 +123,6 @@ def _body(frame: str, spheres: Spheres) -> Body:
     corners = coal.StdVec_Vec3s()
     corners.extend(list(points))
     shape = coal.ConvexBase.convexHull(corners, True, "Qt")
-    shape.setSweptSphereRadius(radius)
     return Body(frame, shape, pin.SE3(np.eye(3), centre), reach)
 
 

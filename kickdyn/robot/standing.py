@@ -94,8 +94,7 @@ class StandingRobot:
         """Return the foot that kicks, as it stands beside the supporting one."""
         robot = self.robot
         model = robot.workspace.model
-        support = Support(robot.frame, friction=self.support.friction)
-        placement, corners = _flat_on_ground(robot, support)
+        placement, corners = _flat_on_ground(robot, Support(robot.frame))
         frame = model.frames[frame_id(model, robot.frame)]
         pose = placement * frame.placement.inverse()
         return Foot(robot.frame, pose, _on_ground(placement, corners))

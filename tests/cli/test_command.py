@@ -38,22 +38,17 @@ def ends(command, capsys):
     return end.value.code, capsys.readouterr().err.splitlines()
 
 
-@pytest.mark.parametrize(
-    ("error", "code", "lines"),
-    [
-        (None, 0, []),
-        (kd.InvalidInput("mass is -1 kg"), 2, ["mass is -1 kg"]),
-        (kd.InvalidInput("mass is -1 kg", "e is 2"), 2, ["mass is -1 kg", "e is 2"]),
-        (kd.UrdfError("a.urdf", ["no link", "no joint"]), 2, ["a.urdf: no link; no joint"]),
-        (kd.SceneError("s.toml", ["a", "b"]), 2, ["s.toml: a", "s.toml: b"]),
-        (kd.NoImpact("the foot recedes"), 2, ["the foot recedes"]),
-        (click.UsageError("no " + "x" * 999), 2, [f"no {'x' * 100}...{'x' * 100}"]),
-        (kd.KickdynError("no\x1b answer"), 1, ["no\\x1b answer"]),
-        (FileNotFoundError(2, "No such file", "robot.stl"), 1, ["robot.stl: No such file"]),
-        (OSError("the port is taken"), 1, ["the port is taken"]),
-    ],
-    ids=repr,
-)
+@pytest.mark.parametrize(("error", "code", "lines"), [
+    (None, 0, []), (kd.InvalidInput("mass is -1 kg"), 2, ["mass is -1 kg"]),
+    (kd.InvalidInput("mass is -1 kg", "e is 2"), 2, ["mass is -1 kg", "e is 2"]),
+    (kd.UrdfError("a.urdf", ["no link", "no joint"]), 2, ["a.urdf: no link; no joint"]),
+    (kd.SceneError("s.toml", ["a", "b"]), 2, ["s.toml: a", "s.toml: b"]),
+    (kd.NoImpact("the foot recedes"), 2, ["the foot recedes"]),
+    (click.UsageError("no " + "x" * 999), 2, [f"no {'x' * 100}...{'x' * 100}"]),
+    (kd.KickdynError("no\x1b answer"), 1, ["no\\x1b answer"]),
+    (FileNotFoundError(2, "No such file", "robot.stl"), 1, ["robot.stl: No such file"]),
+    (OSError("the port is taken"), 1, ["the port is taken"]),
+], ids=repr)  # fmt: skip
 def test_bad_input_ends_with_2_and_any_other_error_with_1(error, code, lines, monkeypatch, capsys):
     @click.command("kick")
     def kick():

@@ -33,18 +33,11 @@ def test_help_is_short_and_imports_nothing_heavy():
     assert all(f"  {name} " in ended.stdout for name in COMMANDS)
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["-c", SCRIPT], "Commands:"),
-        (["-m", "kickdyn", "--version"], "kickdyn, version"),
-        pytest.param(
-            ["-m", "kickdyn.posture_sweep", "--help"], "Example: kickdyn posture-sweep",
-            marks=pytest.mark.slow,
-        ),
-    ],
-    ids=["script without words", "python -m kickdyn", "python -m kickdyn.posture_sweep"],
-)  # fmt: skip
+@pytest.mark.parametrize(("words", "said"), [
+    (["-c", SCRIPT], "Commands:"), (["-m", "kickdyn", "--version"], "kickdyn, version"),
+    pytest.param(["-m", "kickdyn.posture_sweep", "--help"], "Example: kickdyn posture-sweep",
+                 marks=pytest.mark.slow),
+], ids=["script without words", "python -m kickdyn", "kickdyn.posture_sweep"])  # fmt: skip
 def test_a_command_can_be_started_in_three_ways(words, said):
     ended = started("-W", "error", *words)
     assert (ended.returncode, ended.stderr) == (0, "")
@@ -73,27 +66,19 @@ def keys(value):
             yield from keys(entry)
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "posture-sweep --joint hip=0:10:5",
-        "reach --elevation 20 --tolerance 0.3",
-        "paper --only 'table 2'",
-        "tradeoff --scene paper_kick",
-        "simulate free_kick --exact",
-        "view slow.toml",
-        pytest.param("identify match.csv", marks=pytest.mark.slow),
-        pytest.param("tune-mujoco robot_chip --timestep 0.005", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize("line", [
+    "posture-sweep --joint hip=0:10:5", "reach --elevation 20 --tolerance 0.3",
+    "paper --only 'table 2'", "tradeoff --scene paper_kick", "simulate free_kick --exact",
+    "view slow.toml",
+    pytest.param("identify match.csv", marks=pytest.mark.slow),
+    pytest.param("tune-mujoco robot_chip --timestep 0.005", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_the_page_has_the_keys_of_a_document(line, kickdyn, written, match_ball):
     match_ball(2605, 2760)
     scene = (ROOT / "scenes" / "free_kick.toml").read_text("utf-8")
     written("slow.toml", scene.replace("[contact]", "[contact]\ncontact_time_s = 0.01"))
     document = kickdyn(f"{line} --json -").json
-    sections = KEYS.split("\n## ")
-    text = sections[0] + next(
-        section for section in sections if section.startswith(line.split()[0])
-    )
+    sections, name = KEYS.split("\n## "), line.split()[0]
+    text = sections[0] + next(section for section in sections if section.startswith(name))
     missing = {key for key in keys(document) if not re.search(rf"\b{key}\b", text)}
     assert missing == set()

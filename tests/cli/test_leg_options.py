@@ -35,14 +35,10 @@ def loaded(*words):
 KNEE = {"right_knee_joint": math.radians(40)}
 
 
-@pytest.mark.parametrize(
-    ("locks", "values"),
-    [
-        ("hip=30 ankle=0.1", {"hip": math.radians(30), "ankle": 0.1}),
-        ("[ah]*=0.1", {"hip": math.radians(0.1), "ankle": 0.1}),
-        ("right_knee_joint=40", None),
-    ],
-)
+@pytest.mark.parametrize(("locks", "values"), [
+    ("hip=30 ankle=0.1", {"hip": math.radians(30), "ankle": 0.1}),
+    ("[ah]*=0.1", {"hip": math.radians(0.1), "ankle": 0.1}), ("right_knee_joint=40", None),
+])  # fmt: skip
 def test_joints_are_locked_in_degrees_or_metres(locks, values, tmp_path):
     """The ankle is prismatic; the knee is that of a robot by name."""
     file, text = tmp_path / "slide.urdf", kd.Leg.human().file.text
@@ -77,11 +73,9 @@ def test_stiff_joints_and_the_velocity_of_the_base():
     assert velocity == pytest.approx((3 + 0.5 * point[2], 0, 1 - 0.5 * point[0]))
 
 
-@pytest.mark.parametrize(
-    ("words", "rotor"),
-    [((), None), (("--drives", "none"), 0.0), (("--drives", "drives.toml"), 0.02)],
-    ids=["the robot's own", "none", "a file"],
-)
+@pytest.mark.parametrize(("words", "rotor"), [
+    ((), None), (("--drives", "none"), 0.0), (("--drives", "drives.toml"), 0.02)
+], ids=["the robot's own", "none", "a file"])  # fmt: skip
 def test_drives_are_the_robot_s_own_none_or_those_of_a_file(words, rotor, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "drives.toml").write_text('[joints]\n"*knee*" = { rotor_inertia_kg_m2 = 0.02 }')
@@ -146,30 +140,23 @@ def test_joints_of_an_mjcf_are_locked_before_it_is_judged(name, tmp_path):
     assert point == pytest.approx([0.25 - 1.0, 0.0, 0.0], abs=closed_form(10))
 
 
-@pytest.mark.parametrize(
-    ("words", "value", "valid"),
-    [
-        (["--lock", "knee"], "'knee'", "JOINT=VALUE"),
-        (["--lock", "knee=x"], "'knee=x'", "JOINT=VALUE"),
-        (["--lock", "knee=1", "--lock", "knee=2"], "'knee=2'", "once"),
-        (["--lock", "ankle=500"], "500 deg", "-20 to 50 deg"),
-        (["--lock", "kne=1"], "'kne'", "'knee'"),
-        (["--loop", "a-b"], "'a-b'", "A:B"),
-        (["--loop", "toe:foot"], "toe - foot", "itself"),
-        (["--loop", "toe:tow"], "'tow'", "toe"),
-        (["--stiff", "toe"], "'toe'", "hip, knee, ankle"),
-        ([*BOLT, "--support", "FL_FOOT:-1"], "-1", "at least 0"),
-        ([*BOLT, "--support", "FL_FOOT:much"], "much", "FRAME:FRICTION"),
-        ([*BOLT, "--support", "FL_FOOT:0.7:0.1,0.05/0,0/1,1"], "(3, 2)", "corners"),
-        ([*BOLT, "--support", "FR_FOOT"], "FR_FOOT", "kicking limb"),
-        ([*BOLT, "--support", "tow"], "'tow'", "FL_FOOT"),
-        (["--leg", "hunam"], "'hunam'", "human, testbed"),
-        (["--leg", "human:height=x"], "'height=x'", "height=METRES"),
-        (["--package-dir", "/", "--leg", "g1"], "'/'", "a file"),
-        (["--facing", "y", "--leg", "g1"], "'y'", "faces x"),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
-)  # fmt: skip
+@pytest.mark.parametrize(("words", "value", "valid"), [
+    (["--lock", "knee"], "'knee'", "JOINT=VALUE"),
+    (["--lock", "knee=x"], "'knee=x'", "JOINT=VALUE"),
+    (["--lock", "knee=1", "--lock", "knee=2"], "'knee=2'", "once"),
+    (["--lock", "ankle=500"], "500 deg", "-20 to 50 deg"), (["--lock", "kne=1"], "'kne'", "'knee'"),
+    (["--loop", "a-b"], "'a-b'", "A:B"), (["--loop", "toe:foot"], "toe - foot", "itself"),
+    (["--loop", "toe:tow"], "'tow'", "toe"), (["--stiff", "toe"], "'toe'", "hip, knee, ankle"),
+    ([*BOLT, "--support", "FL_FOOT:-1"], "-1", "at least 0"),
+    ([*BOLT, "--support", "FL_FOOT:much"], "much", "FRAME:FRICTION"),
+    ([*BOLT, "--support", "FL_FOOT:0.7:0.1,0.05/0,0/1,1"], "(3, 2)", "corners"),
+    ([*BOLT, "--support", "FR_FOOT"], "FR_FOOT", "kicking limb"),
+    ([*BOLT, "--support", "tow"], "'tow'", "FL_FOOT"),
+    (["--leg", "hunam"], "'hunam'", "human, testbed"),
+    (["--leg", "human:height=x"], "'height=x'", "height=METRES"),
+    (["--package-dir", "/", "--leg", "g1"], "'/'", "a file"),
+    (["--facing", "y", "--leg", "g1"], "'y'", "faces x"),
+], ids=lambda value: " ".join(value) if isinstance(value, list) else "")  # fmt: skip
 def test_a_bad_option_is_named_with_what_is_valid(words, value, valid):
     with pytest.raises(kd.InvalidInput) as refusal:
         loaded(*words)

@@ -112,11 +112,14 @@ def test_the_kick_of_a_document_can_be_done_again(kickdyn):
 def test_a_free_kick_over_a_wall_into_the_corner(kickdyn, tmp_path, monkeypatch):
     """Distances to post, bar and wall follow from the goal of 7.32 by 2.44 m and the ball."""
     where, drawn = "--distance 20 --left 3.4 --height 2.1 --wall 9.15:1.9 --goal", []
-    goal_boxes = "kickdyn.view.wall_and_goal.goal_boxes"
-    monkeypatch.setattr(goal_boxes, lambda foot, distance: drawn.append(distance) or [])
+    for name in ("goal_boxes", "wall_boxes"):
+        drawer = f"kickdyn.view.wall_and_goal.{name}"
+        monkeypatch.setattr(drawer, lambda *values: drawn.append(np.hstack(values)[2:]) or [])
     ended = kickdyn(f"plan {where} --view free.html --json free.json")
     document = json.loads((tmp_path / "free.json").read_text())
-    assert drawn == [pytest.approx(20.0)]
+    floor, ahead = HEIGHT - BALL.radius, np.array([20.0, 3.4, 0.0]) / math.hypot(20.0, 3.4)
+    for values, right in zip(drawn, ([floor, *ahead, 9.15, 1.9, 2.5], [floor, 20.0]), strict=True):
+        assert values == pytest.approx(right)
     post, bar = 7.32 / 2 - 3.4 - BALL.radius, 2.44 - 2.1 - 2 * BALL.radius
     assert document["goal_mouth"]["end"] == "in"
     assert document["goal_mouth"]["post"] == pytest.approx(post, abs=optimized(1e-7))
@@ -132,9 +135,7 @@ def test_a_free_kick_over_a_wall_into_the_corner(kickdyn, tmp_path, monkeypatch)
 
 
 def test_warnings_are_in_text_page_and_json(kickdyn, tmp_path):
-    ended = kickdyn(
-        "plan --distance 100 --time 3 --no-limits --view kick.html --json kick.json"
-    )  # fmt: skip
+    ended = kickdyn("plan --distance 100 --time 3 --no-limits --view kick.html --json kick.json")
     warnings = json.loads((tmp_path / "kick.json").read_text())["warnings"]
     assert any("drag" in line for line in warnings)
     page, text = (tmp_path / "kick.html").read_text(), " ".join(ended.out.split())
@@ -143,17 +144,10 @@ def test_warnings_are_in_text_page_and_json(kickdyn, tmp_path):
         assert escape(line) in page
 
 
-@pytest.mark.parametrize(
-    ("line", "limit", "nearest"),
-    [
-        ("--distance 20 --launch-speed 5", "least-speed", lambda reached: reached["speed"] > 5),
-        (
-            "--distance 20 --time 60 --pass turf",
-            "rolling",
-            lambda reached: 0 < reached["time"] < 60,
-        ),
-    ],
-)
+@pytest.mark.parametrize(("line", "limit", "nearest"), [
+    ("--distance 20 --launch-speed 5", "least-speed", lambda reached: reached["speed"] > 5),
+    ("--distance 20 --time 60 --pass turf", "rolling", lambda reached: 0 < reached["time"] < 60),
+])  # fmt: skip
 def test_an_unreachable_goal_ends_with_2_and_the_nearest_one(line, limit, nearest, kickdyn):
     document = kickdyn(f"plan {line} --json -", code=2).json
     assert (document["status"], document["limit"]) == ("unreachable", limit)

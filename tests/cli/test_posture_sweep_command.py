@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -121,18 +122,14 @@ def test_a_store_says_what_a_file_says_and_is_resumed(kickdyn, tmp_path):
             assert one["angles_deg"] == another["angles_deg"]
 
 
-def interruptible():
-    """Heed Ctrl-C, which what a shell runs in the background does not."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
 @pytest.mark.slow
 def test_ctrl_c_says_how_to_go_on(tmp_path):
-    """A terminal sends it to all processes of the command."""
+    """A terminal sends it to all processes; what a shell runs in the background ignores it."""
     grid = ["--joint", "hip=0:40:0.1", "--joint", "knee=10:60:0.05", "--joint", "ankle=0:20:0.05"]
     command = [sys.executable, "-m", "kickdyn.posture_sweep", *grid, "--out", "my s.zarr"]
+    heeding = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True,
-                          stdout=subprocess.PIPE, preexec_fn=interruptible,
+                          stdout=subprocess.PIPE, preexec_fn=heeding,
                           start_new_session=True) as stopped:  # fmt: skip
         while not list(tmp_path.glob("*/status/c/*")) and stopped.poll() is None:
             time.sleep(0.05)

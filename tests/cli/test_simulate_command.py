@@ -18,20 +18,15 @@ def right_numbers(answer):
         "scene": answer.scene.name,
         "restitution": impact.restitution,
         "restitution_given": answer.scene.contact.restitution,
-        "ball_velocity": impact.ball_after.velocity,
-        "ball_spin": impact.ball_after.spin,
-        "end": answer.path.sample(answer.path.duration).position,
-        "time": answer.path.duration,
-        "error": answer.model_error + answer.numerical_error,
-        "model_error": answer.model_error,
-        "numerical_error": answer.numerical_error,
-        "end_deviation": finite(answer.end_deviation),
-        "within_tolerance": True,
-        "evaluations": answer.evaluations,
+        "ball_velocity": impact.ball_after.velocity, "ball_spin": impact.ball_after.spin,
+        "end": answer.path.sample(answer.path.duration).position, "time": answer.path.duration,
+        "error": answer.model_error + answer.numerical_error, "model_error": answer.model_error,
+        "numerical_error": answer.numerical_error, "evaluations": answer.evaluations,
+        "end_deviation": finite(answer.end_deviation), "within_tolerance": True,
         "wall": passage and {"above": passage.above, "beside": passage.beside},
         "goal_mouth": score and {"end": score.end, "post": score.post, "bar": score.bar},
         "warnings": list(answer.warnings),
-    }
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -51,15 +51,11 @@ TOE_KICK = (
 SHOE = '<geom name="shoe" type="box" size="0.05 0.05 0.1" pos="0 0 -0.3"/>'
 
 
-@pytest.mark.parametrize(
-    ("shoes", "line", "words"),
-    [
-        (SHOE + SHOE.replace("shoe", "heel"), "", ("'toe'", "--foot", "shoe, heel")),
-        ('<geom size="0.1"/>', "", ("'toe'", "--foot", "none with a name")),
-        (SHOE, "--foot shoes", ("'shoes'", "'shoe'")),
-    ],
-    ids=["two geoms", "a geom without a name", "an unknown geom"],
-)
+@pytest.mark.parametrize(("shoes", "line", "words"), [
+    (SHOE + SHOE.replace("shoe", "heel"), "", ("'toe'", "--foot", "shoe, heel")),
+    ('<geom size="0.1"/>', "", ("'toe'", "--foot", "none with a name")),
+    (SHOE, "--foot shoes", ("'shoes'", "'shoe'")),
+], ids=["two geoms", "a geom without a name", "an unknown geom"])  # fmt: skip
 def test_the_geom_that_strikes_must_be_clear(shoes, line, words, kickdyn, written):
     written("robot.xml", ROBOT.replace(SHOE, shoes))
     written("kick.toml", TOE_KICK)

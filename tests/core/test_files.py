@@ -39,13 +39,11 @@ def test_a_link_is_refused_and_its_file_is_left_alone(tmp_path, exists):
     assert not exists or precious.read_text() == "precious"
 
 
-@pytest.mark.parametrize(
-    ("name", "word"),
-    [("", "empty"), ("missing/a.txt", "written"), ("a.txt/b.txt", "written"), (".", "folder"),
-     ("a" * 300, "written"), ("loop", "written"), ("dangling", "written"), ("a\0b", "written"),
-     ("a b/" * 500 + "c.txt", "written"), ("/dev/null", "regular")],
-    ids=lambda text: repr(text[:20]),
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "word"), [
+    ("", "empty"), ("missing/a.txt", "written"), ("a.txt/b.txt", "written"), (".", "folder"),
+    ("a" * 300, "written"), ("loop", "written"), ("dangling", "written"), ("a\0b", "written"),
+    ("a b/" * 500 + "c.txt", "written"), ("/dev/null", "regular")
+], ids=lambda text: repr(text[:20]))  # fmt: skip
 def test_places_that_cannot_be_written_are_refused_in_short(tmp_path, monkeypatch, name, word):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.txt").write_text("a file is no folder")

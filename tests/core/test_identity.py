@@ -72,23 +72,16 @@ def test_bytecode_does_not_count(load, name):
     assert digest(load(("unused = 3", "unused = 4\n\n# elsewhere"))[name]) == right
 
 
-@pytest.mark.parametrize(
-    ("name", "old", "new"),
-    [
-        ("drag", "LEVEL = 0.2", "LEVEL = 0.21"),  # a global of a function that it calls
-        ("drag", "return LEVEL * x", "return 2 * LEVEL * x"),
-        ("drag", "spin_parameter=0.0", "spin_parameter=0.1"),
-        ("drag", "scale=1.5", "scale=1.6"),
-        ("drag", "range(3)", "range(4)"),
-        ("drag", "math.exp", "math.cos"),
-        ("drag", "import math", "import cmath as math"),
-        ("drag", "LEVEL = 0.2", "LEVEL = np.array([0.2])"),
-        ("enclosed", "made(0.3)", "made(0.3000001)"),
-        ("one", "0.25", "0.75"),
-        ("three", "r * LEVEL", "r * LEVEL * 1.0"),
-        ("four", "LEVEL = 0.2", "LEVEL = -0.2"),
-    ],
-)
+@pytest.mark.parametrize(("name", "old", "new"), [
+    ("drag", "LEVEL = 0.2", "LEVEL = 0.21"),  # a global of a function that it calls
+    ("drag", "return LEVEL * x", "return 2 * LEVEL * x"),
+    ("drag", "spin_parameter=0.0", "spin_parameter=0.1"), ("drag", "scale=1.5", "scale=1.6"),
+    ("drag", "range(3)", "range(4)"), ("drag", "math.exp", "math.cos"),
+    ("drag", "import math", "import cmath as math"),
+    ("drag", "LEVEL = 0.2", "LEVEL = np.array([0.2])"),
+    ("enclosed", "made(0.3)", "made(0.3000001)"), ("one", "0.25", "0.75"),
+    ("three", "r * LEVEL", "r * LEVEL * 1.0"), ("four", "LEVEL = 0.2", "LEVEL = -0.2"),
+])  # fmt: skip
 def test_text_and_values_count(load, name, old, new):
     assert digest(load((old, new))[name]) != digest(load()[name])
 

@@ -34,11 +34,9 @@ def test_values_have_four_digits_and_no_rounding_errors(value, text):
     assert format_value(value) == text
 
 
-@pytest.mark.parametrize(
-    ("distance", "words"),
-    [(2.8e-17, "less than a micrometre"), (4.56e-4, "0.46 mm"), (0.0456, "0.046 m"),
-     (12.3, "12 m")],
-)  # fmt: skip
+@pytest.mark.parametrize(("distance", "words"), [
+    (2.8e-17, "less than a micrometre"), (4.56e-4, "0.46 mm"), (0.0456, "0.046 m"),
+    (12.3, "12 m")])  # fmt: skip
 def test_distances_have_two_digits_and_a_unit(distance, words):
     assert distance_in_words(distance) == words
 

@@ -14,22 +14,18 @@ from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 
 
-@pytest.mark.parametrize(
-    "value", [2, 2.0, np.float32(2), np.int8(2), np.array(2.0, ">f8"), Fraction(4, 2), Decimal(2)]
-)
+@pytest.mark.parametrize("value", [
+    2, 2.0, np.float32(2), np.int8(2), np.array(2.0, ">f8"), Fraction(4, 2), Decimal(2)
+])  # fmt: skip
 def test_number_takes_one_real_number_of_any_type(value):
     assert type(validation.number("x", value)) is float
     assert validation.number("x", value) == 2.0
 
 
-@pytest.mark.parametrize(
-    "value",
-    [
-        *(math.nan, math.inf, -math.inf, None, "2", b"2", bytearray(b"2"), True, np.True_),
-        *(2j, np.complex128(2), 10**400, 10**5001, [2.0], np.array([2.0]), np.ma.masked, object),
-    ],
-    ids=lambda value: validation.brief(value)[:20],
-)
+@pytest.mark.parametrize("value", [
+    *(math.nan, math.inf, -math.inf, None, "2", b"2", bytearray(b"2"), True, np.True_),
+    *(2j, np.complex128(2), 10**400, 10**5001, [2.0], np.array([2.0]), np.ma.masked, object),
+], ids=lambda value: validation.brief(value)[:20])  # fmt: skip
 def test_number_refuses_other_values(value):
     with pytest.raises(InvalidInput, match=r"^length is .*\[m\]$") as refused:
         validation.number("length", value, unit="m")
@@ -46,13 +42,10 @@ def test_number_keeps_its_limits_to_the_last_digit(limits, inside, outside, word
         validation.number("x", Fraction(outside), **limits)
 
 
-@pytest.mark.parametrize(
-    "value",
-    [[1, 2, 3], (1.0, 2.0, 3.0), range(1, 4), np.array([1, 2, 3], ">f8"),
-     np.array([1, 2, 3], "u1"), np.array([3.0, 2.0, 1.0])[::-1], np.ma.array([1.0, 2.0, 3.0]),
-     np.array([1.0, 2.0, 3.0])],
-    ids=repr,
-)  # fmt: skip
+@pytest.mark.parametrize("value", [
+    [1, 2, 3], (1.0, 2.0, 3.0), range(1, 4), np.array([1, 2, 3], ">f8"),
+    np.array([1, 2, 3], "u1"), np.array([3.0, 2.0, 1.0])[::-1], np.ma.array([1.0, 2.0, 3.0]),
+    np.array([1.0, 2.0, 3.0])], ids=repr)  # fmt: skip
 def test_vector_is_a_new_array_of_native_doubles(value):
     array = validation.vector("x", value, 3)
     assert (type(array), array.dtype, array.dtype.isnative) == (np.ndarray, np.dtype(float), True)
@@ -61,27 +54,16 @@ def test_vector_is_a_new_array_of_native_doubles(value):
     assert next(iter(value)) == 1
 
 
-@pytest.mark.parametrize(
-    ("value", "word"),
-    [
-        ([1, 2], r"\(2,\)"),
-        ([[1, 2, 3]], r"\(1, 3\)"),
-        (1.0, r"\(\)"),
-        ([1, 2, math.nan], "nan"),
-        (np.array([1, 2, -math.inf]), "-inf"),
-        (np.full(3, np.longdouble("1e400")), "inf"),
-        (np.full(1000, math.nan), "nan"),
-        (["1", "2", "3"], "real numbers"),
-        ([True, False, True], "real numbers"),
-        ((0, 1, np.bool_(False)), "real numbers"),
-        ([1j, 2, 3], "real numbers"),
-        ([None, 2, 3], "real numbers"),
-        ({1, 2, 3}, "real numbers"),
-        ([1, [2, 3], 4], "array of numbers"),
-        (np.ma.array([1.0, 2.0, 3.0], mask=[0, 1, 0]), "masked"),
-    ],
-    ids=lambda value: str(value)[:30],
-)
+@pytest.mark.parametrize(("value", "word"), [
+    ([1, 2], r"\(2,\)"), ([[1, 2, 3]], r"\(1, 3\)"),
+    (1.0, r"\(\)"), ([1, 2, math.nan], "nan"),
+    (np.array([1, 2, -math.inf]), "-inf"), (np.full(3, np.longdouble("1e400")), "inf"),
+    (np.full(1000, math.nan), "nan"), (["1", "2", "3"], "real numbers"),
+    ([True, False, True], "real numbers"), ((0, 1, np.bool_(False)), "real numbers"),
+    ([1j, 2, 3], "real numbers"), ([None, 2, 3], "real numbers"),
+    ({1, 2, 3}, "real numbers"), ([1, [2, 3], 4], "array of numbers"),
+    (np.ma.array([1.0, 2.0, 3.0], mask=[0, 1, 0]), "masked"),
+], ids=lambda value: str(value)[:30])  # fmt: skip
 def test_vector_refuses_by_name(value, word):
     with pytest.raises(InvalidInput, match=f"^wind .*{word}"):
         validation.vector("wind", value, 3, unit="m/s")

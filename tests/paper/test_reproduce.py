@@ -17,9 +17,7 @@ from kickdyn.paper.assumptions import ALTERNATIVES, BALL, DEFAULT, direction, la
 from kickdyn.paper.item import MEANINGS, Item, Verdict, judged, near
 from kickdyn.paper.reproduce import SECTIONS, chosen, show
 
-by_choice = pytest.mark.parametrize(
-    "choice", [DEFAULT, *ALTERNATIVES], ids=lambda choice: choice.name
-)
+by_choice = pytest.mark.parametrize("choice", [DEFAULT, *ALTERNATIVES], ids=lambda x: x.name)
 
 
 @pytest.fixture(scope="module")

@@ -55,9 +55,8 @@ def test_responses_are_those_of_the_joint_space_inertia(root, seed):
 
 @pytest.mark.parametrize("lengths", [(0.1, 1, 1), (0.01, 1, 1), (1e-3, 1e3, 1), (1, 1e-3, 1e3)])
 def test_a_short_link_costs_no_digits(lengths):
-    hit = kd.strike(
-        chain(lengths).posture(BENT), SPEEDS, kd.Ball(), kd.Contact((2, 0.3, 1), 0.8, 0.4)
-    )
+    contact = kd.Contact((2, 0.3, 1), 0.8, 0.4)
+    hit = kd.strike(chain(lengths).posture(BENT), SPEEDS, kd.Ball(), contact)
     exact = exact_impact(*given(hit))
     errors = {name: exact[name].error(result) for name, result in answers(hit).items()}
     assert errors == pytest.approx(dict.fromkeys(errors, 0.0), abs=closed_form())

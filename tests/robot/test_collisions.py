@@ -6,12 +6,13 @@ import pytest
 import kickdyn as kd
 from kickdyn.robot.collisions import (
     Placed,
+    _body,
     _includes,
     bodies_at,
     find_ball_overlaps,
     find_self_collisions,
 )
-from kickdyn.robot.ground_clearance import body_frames
+from kickdyn.robot.ground_clearance import Spheres, body_frames
 
 GJK = 1e-6
 """Absolute tolerance of the distance of two convex shapes by iteration [m]."""
@@ -30,10 +31,9 @@ def legs(folder, kind, size):
     return kd.Leg.from_mjcf(path, "right")
 
 
-@pytest.mark.parametrize(
-    ("kind", "size", "lowest"),
-    [("capsule", "0.04 0.3", 0.26), ("sphere", "0.04", 0.56), ("box", "0.1 0.04 0.3", 0.3)],
-)
+@pytest.mark.parametrize(("kind", "size", "lowest"), [
+    ("capsule", "0.04 0.3", 0.26), ("sphere", "0.04", 0.56), ("box", "0.1 0.04 0.3", 0.3)
+])  # fmt: skip
 def test_crossed_legs_are_inside_each_other_and_straight_ones_are_not(tmp_path, kind, size, lowest):
     leg = legs(tmp_path, kind, size)
     assert find_self_collisions(leg, leg.configuration()) == {}
@@ -79,13 +79,10 @@ JOINT = (
 )
 
 
-@pytest.mark.parametrize(
-    ("urdf", "srdf"),
-    [
-        ("urdf/other.urdf", "urdf/three.srdf"),  # by the name of the robot
-        ("urdf/other.urdf", "srdf/Three.srdf"),  # in the folder srdf beside its folder
-    ],
-)
+@pytest.mark.parametrize(("urdf", "srdf"), [
+    ("urdf/other.urdf", "urdf/three.srdf"),  # by the name of the robot
+    ("urdf/other.urdf", "srdf/Three.srdf"),  # in the folder srdf beside its folder
+])  # fmt: skip
 def test_pairs_that_the_srdf_disables_do_not_count(tmp_path, urdf, srdf):
     """A shank reaches thigh and trunk where the knee is bent by 166 degrees."""
     box = "0.1 0.1 0.3"
@@ -120,20 +117,27 @@ def test_the_nearest_point_of_a_body_and_its_normal(tmp_path, ahead):
     assert contact.point[0] == pytest.approx(0.1, abs=GJK)
 
 
-@pytest.mark.parametrize(
-    ("axis", "place", "size", "counts"),
-    [
-        ("1 0 0", "0.02 0.03 0", "0.3 0.3 0.1", False),  # axes that cross within the bodies
-        ("1 0 0", "0 0 -0.02", "0.3 0.3 0.1", True),  # axes 2 cm apart
-        ("0 1 0", "0 0 0", "0.3 0.3 0.1", True),  # parallel axes
-        ("1 0 0", "0 0 0", "0.01 0.01 0.01", True),  # a shape that is far from the crossing
-    ],
-)
-def test_bodies_on_both_sides_of_axes_that_meet_do_not_count(tmp_path, axis, place, size, counts):
+def test_a_flat_body_is_thickened_a_little():
+    """A hull without volume would end the process."""
+    square = Spheres(np.array([(x, y, 0.0) for x in (0, 1) for y in (0, 1)]), np.zeros(4))
+    box = _body("square", square).shape
+    box.computeLocalAABB()
+    sizes = box.aabb_local.max_ - box.aabb_local.min_
+    assert sizes == pytest.approx([1.0, 1.0, 1e-3 * np.sqrt(0.5)])
+
+
+@pytest.mark.parametrize(("axis", "place", "size", "between", "counts"), [
+    ("1 0 0", "0.02 0.03 0", "0.3 0.3 0.1", INERTIAL, False),  # axes that cross within the bodies
+    ("1 0 0", "0 0 -0.02", "0.3 0.3 0.1", INERTIAL, True),  # axes 2 cm apart
+    ("1 0 0", "0 0 -0.02", "0.3 0.3 0.1", "", False),  # no body between them
+    ("0 1 0", "0 0 0", "0.3 0.3 0.1", INERTIAL, True),  # parallel axes
+    ("1 0 0", "0 0 0", "0.01 0.01 0.01", INERTIAL, True),  # a shape that is far from the crossing
+])  # fmt: skip
+def test_forks_around_axes_that_meet_do_not_count(tmp_path, axis, place, size, between, counts):
     """Shank and foot of an ankle whose roll and pitch axes cross are forks."""
     centre = "0 0.3 -0.12" if size == "0.01 0.01 0.01" else "0 0 -0.12"
     text = '<link name="root"/>' + LINK.format("shank", "0 0 0.15", "0.1 0.9 0.2")
-    text += f'<link name="cross">{INERTIAL}</link>' + LINK.format("foot", centre, size)
+    text += f'<link name="cross">{between}</link>' + LINK.format("foot", centre, size)
     text += JOINT.format("knee", "root", "shank", "0 0 0", "1 0 0")
     text += JOINT.format("pitch", "shank", "cross", "0 0 0", "0 1 0")
     text += JOINT.format("roll", "cross", "foot", place, axis)

@@ -101,9 +101,8 @@ def test_rows_are_the_velocities_of_frames_and_the_bias_their_acceleration():
     def velocities(step):
         """Those of the rows: a frame's linear and angular one, then differences of two frames."""
         before, after = places(step - h), places(step + h)
-        linear = [
-            (b.translation - a.translation) / (2 * h) for a, b in zip(before, after, strict=True)
-        ]
+        pairs = zip(before, after, strict=True)
+        linear = [(b.translation - a.translation) / (2 * h) for a, b in pairs]
         turn = pin.log3(after[0].rotation @ before[0].rotation.T) / (2 * h)
         bars = linear[3] - linear[2], linear[5] - linear[4]
         return np.concatenate([linear[0], turn, linear[1], *bars])
@@ -146,9 +145,8 @@ def test_a_supported_leg_solves_the_stacked_system(stance):
     agrees(supported, reaction, STACKED)  # of several solutions, the smallest one
     assert posture.constraint_projector.rank == rank
     assert (posture.solve(impulse) == jump).all()
-    np.testing.assert_allclose(
-        posture.constraint_projector.rows @ jump, 0.0, atol=closed_form(10) * np.abs(exact).max()
-    )
+    moved = posture.constraint_projector.rows @ jump
+    np.testing.assert_allclose(moved, 0.0, atol=closed_form(10) * np.abs(exact).max())
     jacobian = rows_of(leg, posture.q, leg.frame)[:3]
     columns = [jacobian @ solved(inertia, rows, row)[0] for row in jacobian]
     agrees(posture.delassus(), np.array(columns).T, STACKED)
@@ -236,9 +234,8 @@ def test_a_closed_loop_is_the_intersection_of_circles(drive):
     assert (q["hip"], q["ankle"], q["rocker_b"]) == (0, 0, drive)
 
     def turned(x, z, angle):  # about y
-        return np.array(
-            [math.cos(angle) * x + math.sin(angle) * z, math.cos(angle) * z - math.sin(angle) * x]
-        )
+        cosine, sine = math.cos(angle), math.sin(angle)
+        return np.array([cosine * x + sine * z, cosine * z - sine * x])
 
     front, back, bar = np.array([0.02, 0.02]), np.array([-0.02, 0.02]), 0.03
     tip = back + turned(0.035, -0.035, drive)

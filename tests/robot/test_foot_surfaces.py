@@ -37,7 +37,7 @@ def box_foot(folder, y=-0.1, shape=BOX):
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_the_surfaces_of_a_box_are_its_edges(tmp_path, name, point, side):
     """Normals to both sides meet in the middle of an edge, the upper one if they rise."""
-    surfaces = kd.foot_surfaces(box_foot(tmp_path, y=-0.1 if side == "right" else 0.1))
+    surfaces = kd.foot_surfaces(box_foot(tmp_path, y=-0.02 if side == "right" else 0.005))
     if side == "left":  # whose inside is on its right
         name = {"inside": "outside", "outside": "inside"}.get(name, name)
     assert surfaces.keys() == SURFACES.keys()
@@ -47,6 +47,15 @@ def test_the_surfaces_of_a_box_are_its_edges(tmp_path, name, point, side):
     level = np.array([np.cos(direction), np.sin(direction)]) * np.cos(rise)
     assert surfaces[name].normal == pytest.approx([*level, np.sin(rise)], abs=closed_form(10))
     assert surfaces[name].rise == pytest.approx([low, high])
+
+
+def test_a_turned_box_is_met_at_the_corner_that_is_ahead(tmp_path):
+    """Normals up to 15 degrees to either side of x lie between those of its front and its side."""
+    turned = BOX.replace('rpy="0 0 0"', 'rpy="0 0 0.35"')
+    point = kd.foot_surfaces(box_foot(tmp_path, shape=turned))["toe"].point
+    ahead, left = np.array([np.cos(0.35), np.sin(0.35)]), np.array([-np.sin(0.35), np.cos(0.35)])
+    corner = 0.12 * ahead - 0.05 * left + (0.05, 0.01)
+    assert point == pytest.approx([*corner, 0.01], abs=closed_form(1e4))
 
 
 @pytest.mark.parametrize(("name", "rise", "width"), [("inside", 7.5, 0.24), ("toe", 30.0, 0.1)])

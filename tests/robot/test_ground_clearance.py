@@ -26,9 +26,8 @@ SHAPES = {  # the lowest point below the shape's centre, upright and turned by 9
 
 def arm(folder, shape, turn=0.0):
     """A hinge about y at the origin, whose body has its shape 0.3 m below and 0.1 m ahead."""
-    (folder / "wedge.obj").write_text(
-        "v 0 0 -3\nv 1 2 1\nv -1 2 1\nv 0 -2 1\nf 1 2 3\nf 1 3 4\nf 2 3 4\nf 1 2 4\n"
-    )
+    wedge = "v 0 0 -3\nv 1 2 1\nv -1 2 1\nv 0 -2 1\nf 1 2 3\nf 1 3 4\nf 2 3 4\nf 1 2 4\n"
+    (folder / "wedge.obj").write_text(wedge)
     (folder / "arm.urdf").write_text(URDF.format(shape=shape, turn=turn))
     return kd.Leg.from_urdf(folder / "arm.urdf", "body")
 
@@ -40,6 +39,7 @@ def test_the_lowest_point_of_each_shape(tmp_path, shape, turned):
     lowest = SHAPES[shape][turned]
     depths = find_depths(leg, np.zeros(1), -0.3)
     assert depths.get("body", 0.0) == pytest.approx(lowest, abs=closed_form(10))
+    assert find_depths(leg, np.zeros(1), 0.9)["body"] == pytest.approx(1.2 + lowest)
     for depth in (1e-3, 3e-3):  # soles give way by 2 mm
         assert ("body" in find_depths(leg, np.zeros(1), -0.3 - lowest + depth)) == (depth > 2e-3)
 
@@ -66,23 +66,34 @@ def test_the_depth_follows_the_joint_and_the_deepest_body_comes_first(tmp_path):
     assert list(feet.values()) == sorted(feet.values(), reverse=True)
 
 
-@pytest.mark.parametrize("towards", [(0.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
-def test_extreme_spheres_miss_what_they_say(towards):
+@pytest.mark.parametrize(("mesh", "lowest"), [("wedge.obj", 0.15), ("missing.obj", 0.45)])
+def test_shapes_for_contacts_count_where_a_drawn_mesh_is_missing(tmp_path, mesh, lowest):
+    arm(tmp_path, f'<mesh filename="{mesh}" scale="0.05 0.05 0.05"/>')
+    ball = '<collision><origin xyz="0.1 0 -0.3"/><geometry><sphere radius="0.45"/></geometry>'
+    file = tmp_path / "arm.urdf"
+    file.write_text(file.read_text().replace("<visual>", f"{ball}</collision><visual>"))
+    depths = find_depths(kd.Leg.from_urdf(file, "body"), np.zeros(1), -0.3)
+    assert depths == {"body": pytest.approx(lowest)}
+
+
+@pytest.mark.parametrize(("towards", "cosine"), [
+    ((0.0, 0.0, 0.0), 0.0), ((0.0, 0.0, -1.0), 0.0), ((0.0, 0.6, 0.8), 0.5)])  # fmt: skip
+def test_extreme_spheres_miss_what_they_say(towards, cosine):
     """A body reaches beyond the chosen spheres by the second result, in the given directions."""
     rng = np.random.default_rng(0)
     body = Spheres(rng.normal(size=(60, 3)), rng.uniform(0.1, 0.5, 60))
     directions = sphere_directions()
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, rtol=closed_form(10))
-    directions = directions[directions @ towards >= 0.0]
+    directions = directions[directions @ towards >= cosine]
     reach = body.centres @ directions.T + body.radii[:, None]
     misses = []
     for count in (3, 6):
-        chosen, miss = extreme_spheres(body, count, towards)
+        chosen, miss = extreme_spheres(body, count, towards, cosine)
         assert len(chosen) == count
         beyond = reach.max(axis=0) - reach[chosen].max(axis=0)
         assert miss == pytest.approx(beyond.max(), abs=closed_form(10))
         misses.append(miss)
     assert misses[0] > misses[1] > 0.0
-    every, miss = extreme_spheres(body, 60, towards)
+    every, miss = extreme_spheres(body, 60, towards, cosine)
     assert miss < closed_form(10)
     assert len(set(every.tolist())) == len(every)

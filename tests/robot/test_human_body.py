@@ -165,10 +165,8 @@ def test_lengths_scale_with_height_and_torques_with_weight_and_height():
         assert getattr(tall, limit).tolist() == getattr(paper, limit).tolist()
 
 
-@pytest.mark.parametrize(
-    ("sex", "strength"),
-    [("male", (0.161, 0.163, 0.095)), ("female", (0.181, 0.159, 0.104))],
-)
+@pytest.mark.parametrize(("sex", "strength"), [
+    ("male", (0.161, 0.163, 0.095)), ("female", (0.181, 0.159, 0.104))])  # fmt: skip
 def test_torques_are_those_of_anderson(sex, strength):
     """Anderson et al. 2007, Table 3: hip and knee extension, plantar flexion, 18-25 years."""
     leg = kd.Leg.human(height=1.7, mass=65, sex=sex)
@@ -178,11 +176,10 @@ def test_torques_are_those_of_anderson(sex, strength):
 @pytest.mark.parametrize("frame", ["toe", "instep", "inside"])
 @pytest.mark.parametrize("segments", ["de Leva", "Dumas"])
 def test_the_left_leg_is_the_mirror_image_of_the_right_one(frame, segments):
-    mirror, options = np.diag([1.0, -1.0, 1.0]), {"model": "3d", "frame": frame}
+    mirror, options = np.diag([1.0, -1.0, 1.0]), {"frame": frame, "segments": segments}
     q, v = np.random.default_rng(2).uniform(-0.4, 0.4, (2, 6))
-    right, left = (
-        kd.Leg.human(**WOMAN, **options, side=side, segments=segments) for side in ("right", "left")
-    )
+    sides = ("right", "left")
+    right, left = (kd.Leg.human(**WOMAN, **options, model="3d", side=side) for side in sides)
     a, b = right.posture(q), left.posture(q)
     agrees(b.contact_point, mirror @ a.contact_point, closed_form())
     agrees(b.jacobian, mirror @ a.jacobian, closed_form())
@@ -225,14 +222,17 @@ def test_adduction_internal_rotation_and_inversion_are_positive(side, medial):
 def test_contact_points_lie_on_the_boot(side, frame, height):
     boot = trimesh.load(shipped_urdf("meshes/human_boot.stl"))
     leg = kd.Leg.human(height=height, mass=75, side=side, frame=frame)
-    shape, template = (
-        next(v for v in robot.file.visuals() if v.mesh.endswith("boot.stl"))
-        for robot in (leg, kd.Leg.human())  # whose shapes are those of a man of 1.75 m
-    )
+    template, thick = kd.Leg.human(), height / 1.75  # whose shapes are those of a man of 1.75 m
     toe = leg.model.frames[leg.model.getFrameId("toe")].placement.translation[0]
-    stretch = np.array([toe / 0.145, height / 1.75, height / 1.75])
-    assert shape.size == pytest.approx(stretch * template.size)
-    boot.apply_scale(shape.size)
+    thigh, shank = (np.divide(*(robot.model.jointPlacements[joint].translation[2]
+                                for robot in (leg, template))) for joint in (2, 3))  # fmt: skip
+    stretches = {"base": thick, "thigh": (thick, thick, thigh), "shank": (thick, thick, shank),
+                 "foot": (toe / 0.145, thick, thick)}  # fmt: skip
+    for shape, original in zip(leg.file.visuals(), template.file.visuals(), strict=True):
+        stretch = thick if shape.mesh.endswith("pin.stl") else stretches[shape.frame]  # stays round
+        assert shape.size == pytest.approx(stretch * np.ones(3) * original.size), shape.mesh
+        if shape.mesh.endswith("boot.stl"):
+            boot.apply_scale(shape.size)
     _, distance, _ = trimesh.proximity.closest_point(boot, [leg.contact_lever])
     assert distance[0] < 1e-3
     medial = 1 if side == "right" else -1

@@ -176,11 +176,8 @@ def test_a_point_elsewhere_on_the_foot_is_a_frame_there(seed):
     offset_posture = origin.with_contact_offset([1, 1, 1]).with_contact_offset(offset)
     for name in ("contact_point", "contact_lever", "jacobian"):
         agrees(getattr(offset_posture, name), getattr(patch, name), closed_form())
-    agrees(
-        offset_posture.delassus(),
-        patch.delassus(),
-        closed_form(np.linalg.cond(offset_posture.inertia)),
-    )
+    rounding = closed_form(np.linalg.cond(offset_posture.inertia))
+    agrees(offset_posture.delassus(), patch.delassus(), rounding)
     assert offset_posture.rounding_gain == pytest.approx(patch.rounding_gain, rel=closed_form(1e4))
     assert offset_posture.with_contact_offset(None) is offset_posture
     with pytest.raises(kd.InvalidInput, match=r"1001\.0: .* 1000 .m."):

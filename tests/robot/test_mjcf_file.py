@@ -31,8 +31,7 @@ def box(folder, name="box.stl", size=(0.2, 0.4, 0.6)):
 
 
 BAD = {
-    "empty": ("", "is empty"),
-    "a URDF": ('<robot name="r"/>', "Leg.from_urdf"),
+    "empty": ("", "is empty"), "a URDF": ('<robot name="r"/>', "Leg.from_urdf"),
     "composite": (MODEL.replace("</w", "<composite/></w"), "<composite>"),
     "plugins": (MODEL.replace("<geom", "<plugin/><geom"), "<plugin>"),
     "universe": (MODEL.replace('"arm"', '"universe"'), "body name 'universe'"),
@@ -44,7 +43,7 @@ BAD = {
     ),
     "nan": (MODEL.replace('"0.1"', '"nan"'), "MuJoCo refuses"),
     "a huge size": (MODEL.replace('"0.1"', '"1e80"'), "'arm' has a mass, moment or position"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -54,18 +53,12 @@ def test_a_bad_file_is_refused_with_one_line(tmp_path, name):
         kd.Leg.from_mjcf(write(tmp_path, robot=text), "arm")
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("none.xml", "'none.xml' is missing"),
-        ("", "'', which: is not a regular file"),
-        ("robot.xml", "'robot.xml' twice"),
-        ("other.xml", "'other.xml' twice"),  # which includes itself
-        ("../secret.xml", "refused: it lies outside"),
-        ("link.xml", "'link.xml' is refused"),
-        ("m0.xml", "deeper than 64"),  # which includes m1.xml, and so on
-    ],
-)
+@pytest.mark.parametrize(("name", "said"), [
+    ("none.xml", "'none.xml' is missing"), ("", "'', which: is not a regular file"),
+    ("robot.xml", "'robot.xml' twice"), ("other.xml", "'other.xml' twice"),  # it includes itself
+    ("../secret.xml", "refused: it lies outside"), ("link.xml", "'link.xml' is refused"),
+    ("m0.xml", "deeper than 64"),  # which includes m1.xml, and so on
+])  # fmt: skip
 def test_a_file_that_cannot_be_included_is_named(tmp_path, name, said):
     folder = tmp_path / "model"
     folder.mkdir()
@@ -147,13 +140,9 @@ def test_geoms_are_drawn(tmp_path):
     shapes = {visual.shape: visual for visual in leg.file.visuals() if visual.frame == "arm"}
     sizes = {shape: visual.size for shape, visual in shapes.items()}
     assert sizes == {
-        Shape.SPHERE: (0.1,),
-        Shape.CAPSULE: pytest.approx((1.0, 0.1)),
-        Shape.CYLINDER: (0.6, 0.1),
-        Shape.BOX: (0.2, 0.4, 0.6),
-        Shape.ELLIPSOID: (0.1, 0.2, 0.3),
-        Shape.MESH: (1.0,),
-    }
+        Shape.SPHERE: (0.1,), Shape.CAPSULE: pytest.approx((1.0, 0.1)), Shape.MESH: (1.0,),
+        Shape.CYLINDER: (0.6, 0.1), Shape.BOX: (0.2, 0.4, 0.6), Shape.ELLIPSOID: (0.1, 0.2, 0.3),
+    }  # fmt: skip
     assert [shape.size for shape in leg.file.collisions()] == [(5.0,)]
     assert shapes[Shape.SPHERE].pose[:3, 3] == pytest.approx([1, 0, 0])
     assert abs(shapes[Shape.CAPSULE].pose[:3, 2]) == pytest.approx([0, 1, 0])
@@ -166,15 +155,11 @@ def test_geoms_are_drawn(tmp_path):
     assert corners.max(axis=0) == pytest.approx([1.2, 0.4, 0.6])
 
 
-@pytest.mark.parametrize(
-    ("actuators", "passive"),
-    [
-        ('<motor joint="b"/>', ("a",)),
-        ('<motor joint="a"/><motor jointinparent="b"/>', ()),
-        ("", ()),  # a file without actuators says nothing about them
-        ('<motor tendon="t"/>', ()),
-    ],
-)
+@pytest.mark.parametrize(("actuators", "passive"), [
+    ('<motor joint="b"/>', ("a",)), ('<motor joint="a"/><motor jointinparent="b"/>', ()),
+    ("", ()),  # a file without actuators says nothing about them
+    ('<motor tendon="t"/>', ()),
+])  # fmt: skip
 def test_joints_that_no_actuator_drives_are_passive(tmp_path, actuators, passive):
     body = '<body name="{0}"><joint name="{0}" type="slide"/><geom size="0.1" pos="0 0 {1}"/>'
     tendon = '<tendon><fixed name="t"><joint joint="a" coef="1"/></fixed></tendon>'

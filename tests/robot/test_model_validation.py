@@ -64,10 +64,9 @@ UNSOUND = {
 def test_unsound_inertia_is_refused_by_the_joint(name):
     bodies, said = UNSOUND[name]
     joints = {"on its axis": "XZ", "axes through a point": "XYXY"}.get(name, "XYZX")
+    model, q = chain(*bodies, joints=joints), [0.3, 0, 0, 0][: len(bodies)]
     with pytest.raises(kd.InvalidInput, match=said):
-        kd.Leg.from_model(chain(*bodies, joints=joints), "toe").posture(
-            [0.3, 0, 0, 0][: len(bodies)]
-        )
+        kd.Leg.from_model(model, "toe").posture(q)
 
 
 def changed(**attributes):

@@ -14,9 +14,7 @@ def hand(names, **lower):
     model, parent = pin.Model(), 0
     for name in names:
         kind = pin.JointModelPX() if name == "rail" else pin.JointModelRX()
-        limits = (
-            np.array([9.0]), np.array([9.0]), np.array([lower.get(name, -1.0)]), np.array([2.0]),
-        )  # fmt: skip
+        limits = [np.array([limit]) for limit in (9.0, 9.0, lower.get(name, -1.0), 2.0)]
         parent = model.addJoint(parent, kind, pin.SE3.Identity(), name, *limits)
         model.appendBodyToJoint(parent, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
     return model

@@ -34,11 +34,8 @@ def no_ros(monkeypatch):
 def robot(tmp_path):
     """A package in a folder of another name, as repositories are, and a secret beside it."""
     touch(tmp_path, "secret.stl")
-    return package(
-        tmp_path / "ws" / "robot_repo",
-        "robot_description",
-        *("urdf/robot.urdf", "urdf/beside.stl", "meshes/a b.stl", "meshes/visual/hip.stl"),
-    )
+    files = "urdf/robot.urdf", "urdf/beside.stl", "meshes/a b.stl", "meshes/visual/hip.stl"
+    return package(tmp_path / "ws" / "robot_repo", "robot_description", *files)
 
 
 @pytest.mark.parametrize(("name", "file"), [
@@ -60,15 +57,10 @@ def test_meshes_beside_the_folder_of_a_robot_without_a_package(tmp_path):
             files.find(name, what)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "../../../secret.stl",
-        "package://robot_description/../../secret.stl",
-        "{top}/secret.stl",
-        "link.stl",
-    ],
-)
+@pytest.mark.parametrize("name", [
+    "../../../secret.stl", "package://robot_description/../../secret.stl", "{top}/secret.stl",
+    "link.stl",
+])  # fmt: skip
 @pytest.mark.parametrize("is_named", [False, True])
 def test_files_outside_are_refused(robot, tmp_path, name, is_named):
     """Also if the package itself is named in package_dirs."""
@@ -80,25 +72,21 @@ def test_files_outside_are_refused(robot, tmp_path, name, is_named):
     assert repr(name) in str(refusal.value)
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        *((f"{scheme}://a.stl", "no addresses") for scheme in ("http", "ftp", "javascript", "")),
-        ("file://meshes/a.stl", "no addresses"),
-        ("package://hand/hand.stl", "'hand' is unknown; .*--package-dir.*ROS_PACKAGE_PATH"),
-        (f"package://{'x' * 5000}/a.stl", "is unknown|cannot be found"),
-        ("a\0b.stl", "cannot be found"),
-    ],
-)
+@pytest.mark.parametrize(("name", "said"), [
+    *((f"{scheme}://a.stl", "no addresses") for scheme in ("http", "ftp", "javascript", "")),
+    ("file://meshes/a.stl", "no addresses"),
+    ("package://hand/hand.stl", "'hand' is unknown; .*--package-dir.*ROS_PACKAGE_PATH"),
+    (f"package://{'x' * 5000}/a.stl", "is unknown|cannot be found"),
+    ("a\0b.stl", "cannot be found"),
+])  # fmt: skip
 def test_names_of_no_file_are_refused(robot, name, said):
     with pytest.raises(kd.InvalidInput, match=said):
         PackageFiles(robot / "urdf").find(name)
 
 
-@pytest.mark.parametrize(
-    ("name", "folder"),
-    [("hand", "hand"), ("repo", "repo"), ("hand", "."), ("hand", "../ws"), ("hand", "x/../.")],
-)
+@pytest.mark.parametrize(("name", "folder"), [
+    ("hand", "hand"), ("repo", "repo"), ("hand", "."), ("hand", "../ws"), ("hand", "x/../.")
+])  # fmt: skip
 def test_package_dirs_are_packages_or_contain_them(tmp_path, robot, name, folder):
     """By the name in the manifest or by that of the folder; folders in them, by their names."""
     hand = package(tmp_path / "ws" / name, "hand", "meshes/hand.stl")

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from tolerances import agrees, closed_form
 
 import kickdyn as kd
+from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.standing import (
     StandingRobot,
     _faces,
@@ -184,6 +185,7 @@ def test_a_supported_foot_stays_while_the_joints_move():
     robot = StandingRobot(G1.with_supports(FOOT)).robot
     posture = robot.posture(robot.configuration())
     bent = robot.configuration({"left_knee_joint": 0.7, "right_hip_pitch_joint": -1.0})
+    bent[:7] = 0.3, -0.2, 0.5, 0.0, 0.6, 0.0, 0.8  # wherever its base is
     held, data, feet = hold_support(posture, bent), robot.model.createData(), []
     for q in (posture.q, held):
         pin.framesForwardKinematics(robot.model, data, q)
@@ -198,6 +200,9 @@ def test_mimic_joints_of_neither_leg_are_locked_at_rest(leg_with_arm):
     assert (leg.joint_names, leg.mimics) == (("hip", "knee", "ankle"), ())
     busy = kd.Leg.from_urdf(leg_with_arm, "elbow_link")
     assert lock_idle_mimics(busy).mimics == busy.mimics
+    leg_with_arm.write_text(leg_with_arm.read_text().replace('lower="-1"', 'lower="0.2"'))
+    arm = kd.Leg.from_urdf(leg_with_arm, "elbow_link")
+    assert arm.joint_values(rest_configuration(arm))["elbow"] == pytest.approx(0.2 + 0.3)
 
 
 def on(sole):

@@ -15,9 +15,8 @@ from kickdyn.robot.urdf_file import shipped_urdf
 
 HUMAN = kd.Leg.human()
 STIFF = HUMAN.with_stiff_joints("ankle")
-FOURBAR = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf")).with_loops(
-    ("shank_pin", "rocker_b_tip")
-)
+FOURBAR = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
+FOURBAR = FOURBAR.with_loops(("shank_pin", "rocker_b_tip"))
 Q = np.array([0.1, 0.4, -0.2])
 
 

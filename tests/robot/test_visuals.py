@@ -63,11 +63,9 @@ def folder(tmp_path):
     return robot
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["meshes/box.stl", "meshes/../box.obj", "alias.stl", "package://meshes/box.stl",
-     "package://robot/meshes/box.stl", "{folder}/meshes/box.stl"],
-)  # fmt: skip
+@pytest.mark.parametrize("name", [
+    "meshes/box.stl", "meshes/../box.obj", "alias.stl", "package://meshes/box.stl",
+    "package://robot/meshes/box.stl", "{folder}/meshes/box.stl"])  # fmt: skip
 def test_meshes_of_the_folder_are_read(folder, name):
     (mesh,) = read(name.format(folder=folder), folder, (1, -1, 10))
     assert np.ptp(mesh.vertices, axis=0) == pytest.approx([0.1, 0.2, 3.0])  # scaled
@@ -75,12 +73,10 @@ def test_meshes_of_the_folder_are_read(folder, name):
     assert mesh.rgba is None
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["../secret.stl", "meshes/../../secret.stl", "link.stl", "elsewhere/secret.stl",
-     "package://../secret.stl", "package://robot/../secret.stl", "{outside}/secret.stl",
-     "package://robot/elsewhere/secret.stl"],
-)  # fmt: skip
+@pytest.mark.parametrize("name", [
+    "../secret.stl", "meshes/../../secret.stl", "link.stl", "elsewhere/secret.stl",
+    "package://../secret.stl", "package://robot/../secret.stl", "{outside}/secret.stl",
+    "package://robot/elsewhere/secret.stl"])  # fmt: skip
 def test_meshes_outside_are_refused_and_not_opened(folder, name, watch):
     name = name.format(outside=folder.parent)
     with watch() as opened, pytest.raises(kd.InvalidInput, match="lies outside") as refusal:
@@ -122,10 +118,10 @@ def test_a_collada_file_is_turned_z_up(folder, up, size, middle):
     box.apply_translation([0.5, 0.6, 0.7])
     text = box.export(file_type="dae").decode()
     (folder / "up.dae").write_text(re.sub(r"<up_axis>\w+", f"<up_axis>{up}", text))
-    (surface,) = read("up.dae", folder)
-    assert np.ptp(surface.vertices, axis=0) == pytest.approx(size)
+    (surface,) = read("up.dae", folder, (1, 2, 4))  # along the axes of the robot
+    assert np.ptp(surface.vertices, axis=0) == pytest.approx(np.multiply(size, (1, 2, 4)))
     ends = surface.vertices.max(axis=0) + surface.vertices.min(axis=0)
-    assert ends / 2 == pytest.approx(middle)
+    assert ends / 2 == pytest.approx(np.multiply(middle, (1, 2, 4)))
 
 
 def collada():
@@ -162,15 +158,11 @@ def zipped():
     return packed.getvalue()
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        zipped(),
-        f"{collada()}<!--".encode() + zipped(),  # not unpacked where it is XML as well
-        collada().replace("<COLLADA", '<!DOCTYPE a [<!ENTITY b "1 ">]><COLLADA', 1).encode(),
-    ],
-    ids=["zip", "XML and zip", "entities"],
-)
+@pytest.mark.parametrize("content", [
+    zipped(),
+    f"{collada()}<!--".encode() + zipped(),  # not unpacked where it is XML as well
+    collada().replace("<COLLADA", '<!DOCTYPE a [<!ENTITY b "1 ">]><COLLADA', 1).encode(),
+], ids=["zip", "XML and zip", "entities"])  # fmt: skip
 def test_collada_files_that_are_refused(content, folder):
     (folder / "a.dae").write_bytes(content)
     with pytest.raises(kd.InvalidInput, match=r"'a\.dae' cannot be read"):

@@ -18,12 +18,17 @@ def parabola(distance, height, way=X):
     return t * distance * way + 4 * height * t * (1 - t) * (0, 0, 1) + (0.2, 0, -0.8)
 
 
-def seen(camera, points):
-    """Return slopes of points as the page shows them."""
+def staged(camera, points):
     viewer = recording_viewer()
     set_stage(viewer, camera, points)
-    agrees(DrawnScene(viewer).camera(), camera, closed_form())
-    return DrawnScene(viewer).slopes(points)
+    return DrawnScene(viewer)
+
+
+def seen(camera, points):
+    """Return slopes of points as the page shows them."""
+    scene = staged(camera, points)
+    agrees(scene.camera(), camera, closed_form())
+    return scene.slopes(points)
 
 
 @pytest.mark.parametrize("distance", [0.0, 0.1, 1.0, 6.0, 40.0, 85.0])
@@ -41,6 +46,20 @@ def test_all_is_in_the_picture_as_near_as_possible(distance, way):
     assert camera.position[2] > -0.9
 
 
+@pytest.mark.parametrize("distance", [0.0, 40.0])
+def test_lens_and_light_include_all_points(distance):
+    """Shadows are framed by the distance of the farthest point from the middle."""
+    points = np.vstack([LEG, parabola(distance, distance / 6)])
+    camera = camera_for(LEG, points, X)
+    stage = staged(camera, points).properties
+    lens, sun = "Cameras/default/rotated/<object>", "Lights/FillLight/<object>"
+    away, around = camera.distance(points), np.linalg.norm(points - camera.target, axis=1)
+    assert stage[lens, "near"] < away.min() < away.max() < stage[lens, "far"]
+    assert stage[sun, "reach"] == pytest.approx(around.max())
+    assert np.linalg.norm(stage[sun, "position"]) > around.max()  # outside
+    assert (stage[lens, "fov"], stage[sun, "position"][2] > 0) == (44.0, True)
+
+
 def test_a_short_kick_goes_to_the_right_and_a_wall_is_seen_from_behind():
     """At all sizes of the world."""
     curve = parabola(6.0, 1.0)
@@ -53,9 +72,8 @@ def test_a_short_kick_goes_to_the_right_and_a_wall_is_seen_from_behind():
     agrees(large.position, 1000 * beside.position, closed_form(100))
 
 
-@pytest.mark.parametrize(
-    ("extent", "width"), [(6, 1), (11.9, 1), (12, 2), (30, 5), (59, 5), (0.6, 0.1)]
-)
+@pytest.mark.parametrize(("extent", "width"), [
+    (6, 1), (11.9, 1), (12, 2), (30, 5), (59, 5), (0.6, 0.1)])  # fmt: skip
 def test_stripes_are_round_numbers_of_a_sixth_or_less(extent, width):
     assert cameras.stripe_width(extent) == pytest.approx(width)
 

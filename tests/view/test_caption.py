@@ -49,10 +49,8 @@ def test_the_numbers_are_those_of_the_impact_and_the_flight():
     assert "best &amp; first" in text
 
 
-@pytest.mark.parametrize(
-    ("end", "length", "time", "speed"),
-    [(None, 8, 4, 0), (kd.Plane((6, 0, 0), (-1, 0, 0), "centre"), 6, 2, 2)],
-)
+@pytest.mark.parametrize(("end", "length", "time", "speed"), [
+    (None, 8, 4, 0), (kd.Plane((6, 0, 0), (-1, 0, 0), "centre"), 6, 2, 2)])  # fmt: skip
 def test_a_course_along_the_ground(end, length, time, speed):
     """Rolling 8 m at a deceleration of 1 m/s2, from 4 m/s to rest."""
     ball, felt = kd.Ball(), kd.Surface("felt", 0.5, 0.5, rolling_deceleration=1.0)
@@ -71,16 +69,14 @@ LITTLE = {"joint_impulses": np.array([[0, 0, 0.09], [1.2, 0, 1.6], [0, 0.05, 0]]
           "v_before": np.array([0.0, 0.0, 1.0])}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("changes", "status", "name", "value"),
-    [(spinning(0, -1e-3, 0), "landed", "spin", "0.001 rad/s"),
-     (spinning(0, 1e-13, 0), "landed", "spin", "0 rad/s"),  # rounding
-     ({"foot_velocity": np.zeros(3)}, "landed", "ball / foot speed", None),
-     (LITTLE, "landed", "hip", None),  # at rest, and below a twentieth of the largest
-     (LITTLE, "landed", "ankle", "-12.5°, 0.05 N s"),  # it moves
-     ({}, "aloft", "range", "17.25 m (still aloft)"), ({}, "at-plane", "distance", "17.25 m")],
-    ids=range(7),
-)  # fmt: skip
+@pytest.mark.parametrize(("changes", "status", "name", "value"), [
+    (spinning(0, -1e-3, 0), "landed", "spin", "0.001 rad/s"),
+    (spinning(0, 1e-13, 0), "landed", "spin", "0 rad/s"),  # rounding
+    ({"foot_velocity": np.zeros(3)}, "landed", "ball / foot speed", None),
+    (LITTLE, "landed", "hip", None),  # at rest, and below a twentieth of the largest
+    (LITTLE, "landed", "ankle", "-12.5°, 0.05 N s"),  # it moves
+    ({}, "aloft", "range", "17.25 m (still aloft)"), ({}, "at-plane", "distance", "17.25 m")
+], ids=range(7))  # fmt: skip
 def test_values_that_are_left_out_or_shown_otherwise(changes, status, name, value):
     flight = SimpleNamespace(**{**vars(FLIGHT), "status": status})
     assert rows(kick_panel(numbers(**changes), flight, "")).get(name) == value

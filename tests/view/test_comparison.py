@@ -37,12 +37,9 @@ def test_every_flight_is_a_curve_along_its_path():
     assert "<title>a &amp; b</title>" in page.html
 
 
-@pytest.mark.parametrize(
-    ("path", "numbers"),
-    [(PARABOLA, f"20 m, rises {GRAVITY / 2:.3g} m, 2 s"), (COURSE, "8 m along the ground, 4 s"),
-     (kd.fly(kd.BallState(), BALL), "0 m")],
-    ids=["vacuum", "course", "rest"],
-)  # fmt: skip
+@pytest.mark.parametrize(("path", "numbers"), [
+    (PARABOLA, f"20 m, rises {GRAVITY / 2:.3g} m, 2 s"), (COURSE, "8 m along the ground, 4 s"),
+    (kd.fly(kd.BallState(), BALL), "0 m")], ids=["vacuum", "course", "rest"])  # fmt: skip
 def test_the_legend_has_how_far_how_high_and_how_long(path, numbers):
     assert f"<td>{numbers}" in kd.page(path).panel
 

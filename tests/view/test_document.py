@@ -13,13 +13,7 @@ import umsgpack
 
 import kickdyn as kd
 from kickdyn.view import document
-from kickdyn.view.document import (
-    draw_label,
-    html_document,
-    recording_viewer,
-    save_picture,
-    scene_parts,
-)
+from kickdyn.view.document import draw_label, html_document, recording_viewer
 
 
 def ball_at(x):
@@ -52,8 +46,8 @@ def test_what_two_scenes_share_is_on_the_page_once(commands_of):
         assert scene["times"] == times.tolist()
     assert re.findall("<button>(.*?)</button>", html)[-2:] == ["&lt;near&gt;", "far"]
     # commands that a browser has keep their numbers
-    near = scene_parts([ball_at(1)]).numbers
-    far = scene_parts([ball_at(2)], (), near, 7).numbers
+    near = document.scene_parts([ball_at(1)]).numbers
+    far = document.scene_parts([ball_at(2)], (), near, 7).numbers
     assert {number for command, number in far.items() if command not in near} == {7}
     assert all(near[command] == far[command] for command in near.keys() & far.keys())
 
@@ -69,7 +63,7 @@ def test_the_browser_gets_the_page_the_time_and_the_file(monkeypatch, tmp_path):
     )
     browser.chmod(0o755)
     monkeypatch.setattr(document.shutil, "which", lambda name: str(browser))
-    save_picture("the page ", picture, -0.125)
+    document.save_picture("the page ", picture, -0.125)
     assert picture.read_text() == "the page picture&at=-0.125"
 
 

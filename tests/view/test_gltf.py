@@ -45,6 +45,11 @@ def test_ball_arrows_curve_and_leg_are_in_the_places_of_the_page(kick, saved):
         along = points @ vector / np.linalg.norm(vector)
         agrees(points[np.argmax(along)], vector, 10 * SINGLE)
         assert along.min() == pytest.approx(0.0, abs=SINGLE)
+    for node in ("ball/hexagons", "ball/pentagons", "curve", "arrow/head", "leg/0/person/0"):
+        look = drawn.objects[node]["materials"][0]
+        shown = scene.geometry[f"{node.replace('/', '_')}_mesh"].visual.material.baseColorFactor
+        assert bytes(shown[:3]) == look["color"].to_bytes(3), node
+        assert shown[3] == pytest.approx(255 * look["opacity"], abs=0.5), node
     agrees(placed(scene, "curve"), drawn.vertices("curve"), 10 * SINGLE)
     for node in drawn.objects:
         if node.startswith("leg/") and "data" in drawn.shape(node):

@@ -63,6 +63,21 @@ def test_a_leg_without_urdf_is_sticks_from_joint_to_joint(leg_looking_like):
     assert (warning, [part.joint for part in parts]) == ("", [1, 2, 2, 2])
 
 
+def test_the_person_is_as_tall_as_its_height_says():
+    """The ankle is 3.9 % of the height above the ground (Drillis & Contini 1966)."""
+    leg = kd.Leg.human(height=1.75, mass=75)
+    scene, _ = drawn(leg, leg.configuration())
+    (head,) = [node for node in scene.objects if "person" in node
+               and scene.shape(node)["type"] == "SphereGeometry"]  # fmt: skip
+    straight = leg.posture(leg.configuration()).contact_point  # as high as the ankle
+    top = scene.point(head)[2] + scene.shape(head)["radius"] - straight[2] + 0.039 * 1.75
+    assert top == pytest.approx(1.75, rel=0.02)
+    middles = np.array([scene.point(node) for node in scene.objects if "person" in node])
+    agrees(np.unique(middles[:, 1].round(9)), np.unique(-middles[:, 1].round(9)), closed_form())
+    moving = kd.Leg.human(height=1.75, mass=75, base="floating")
+    assert not any("person" in node for node in drawn(moving, moving.configuration())[0].objects)
+
+
 def test_every_joint_is_at_its_pose_and_all_parts_are_within_the_corners():
     leg = kd.Leg.from_robot("bolt", base="floating")
     q = pin.integrate(leg.model, leg.configuration(), np.linspace(-0.3, 0.4, leg.nv))
@@ -73,13 +88,11 @@ def test_every_joint_is_at_its_pose_and_all_parts_are_within_the_corners():
     assert (np.vstack(meshes) < corners.max(axis=0) + 10 * SINGLE).all()
 
 
-@pytest.mark.parametrize(
-    ("tag", "half"),
-    [('<mesh filename="box.stl"/>', (0.05, 0.1, 0.15)),
-     ('<mesh filename="box.stl" scale="2 2 2"/>', (0.1, 0.2, 0.3)),
-     ('<box size="0.1 0.2 0.3"/>', (0.05, 0.1, 0.15)), ('<sphere radius="0.1"/>', (0.1, 0.1, 0.1)),
-     ('<cylinder length="0.3" radius="0.1"/>', (0.1, 0.1, 0.15))],
-)  # fmt: skip
+@pytest.mark.parametrize(("tag", "half"), [
+    ('<mesh filename="box.stl"/>', (0.05, 0.1, 0.15)),
+    ('<mesh filename="box.stl" scale="2 2 2"/>', (0.1, 0.2, 0.3)),
+    ('<box size="0.1 0.2 0.3"/>', (0.05, 0.1, 0.15)), ('<sphere radius="0.1"/>', (0.1, 0.1, 0.1)),
+    ('<cylinder length="0.3" radius="0.1"/>', (0.1, 0.1, 0.15))])  # fmt: skip
 def test_shapes_have_their_size_and_place(leg_looking_like, tmp_path, tag, half):
     trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "box.stl")
     visual = f'<visual><origin xyz="0 0 0.7"/><geometry><!-- -->{tag}</geometry></visual>'
@@ -89,12 +102,11 @@ def test_shapes_have_their_size_and_place(leg_looking_like, tmp_path, tag, half)
     agrees(top.min(axis=0), np.subtract((0, 0, 1.7), half), SINGLE)
 
 
-@pytest.mark.parametrize(
-    ("shape", "fault"),
-    [('<mesh filename="../box.stl"/>', r"'\.\./box.stl' is refused"),
-     ('<mesh filename="box.stl"/>', "'box.stl' is"), ('<sphere radius="0"/>', "0.0"),
-     ('<box size="1 -1 1"/>', "-1.0"), ('<cylinder length="1" radius="1e308"/>', r"1e\+308")],
-)  # fmt: skip
+@pytest.mark.parametrize(("shape", "fault"), [
+    ('<mesh filename="../box.stl"/>', r"'\.\./box.stl' is refused"),
+    ('<mesh filename="box.stl"/>', "'box.stl' is"), ('<sphere radius="0"/>', "0.0"),
+    ('<box size="1 -1 1"/>', "-1.0"), ('<cylinder length="1" radius="1e308"/>', r"1e\+308")
+])  # fmt: skip
 def test_a_shape_that_cannot_be_drawn_is_named_and_others_stay(leg_looking_like, shape, fault):
     bad = f"<visual><geometry>{shape}</geometry></visual>"
     parts, warning = leg_shapes(leg_looking_like(bad + SPHERE.format("") + bad))
@@ -111,7 +123,7 @@ def test_shapes_of_other_formats_are_drawn_in_the_frame_that_they_name():
             pose = np.eye(4)
             pose[:3] = (0, -1, 0, 0.1), (1, 0, 0, 0.2), (0, 0, 1, 0.3)  # turned about z
             return [
-                Visual("toe", pose, Shape.ELLIPSOID, (1.0, 2.0, 3.0), rgba=(1, 0, 0, 1)),
+                Visual("toe", pose, Shape.ELLIPSOID, (1.0, 2.0, 3.0), rgba=(1, 0.2, 0.4, 0.8)),
                 Visual("toe", pose, Shape.CAPSULE, (2.0, 0.5)),
             ]
 
@@ -121,5 +133,7 @@ def test_shapes_of_other_formats_are_drawn_in_the_frame_that_they_name():
     agrees(ellipsoid.pose[:3, 3], body + np.array((0.1, 0.2, 0.3)), closed_form())
     heights = [(part.pose[2, 3] - body[2], part.geometry.radius) for part in ends]
     agrees(heights, [(-0.7, 0.5), (1.3, 0.5)], closed_form())
-    _, corners = drawn(leg, human.configuration())
+    scene, corners = drawn(leg, human.configuration())
+    looks = [scene.objects[node]["materials"][0] for node in scene.objects]
+    assert (0xFF3366, 0.8) in [(look["color"], look["opacity"]) for look in looks]
     assert np.ptp(corners, axis=0)[1:] == pytest.approx((2.0, 6.0))

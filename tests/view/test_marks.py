@@ -4,7 +4,8 @@ import re
 
 import numpy as np
 import pytest
-from drawn_scene import SINGLE, DrawnScene
+import trimesh
+from drawn_scene import SINGLE, DrawnScene, packed_array
 from tolerances import agrees, closed_form
 
 from kickdyn.view import marks
@@ -28,6 +29,12 @@ def test_a_curve_keeps_its_thickness():
     agrees(np.linalg.norm(away, axis=2), np.tile(radii[:, None], 8), 10 * SINGLE)
     across = np.einsum("nsi,ni->ns", away[:-1], np.diff(points, axis=0))
     np.testing.assert_allclose(across, 0, atol=1e-8)
+    tube = scene.mesh("x")  # of eight sides, closed but for its ends, with normals outwards
+    counts = np.bincount(tube.edges_unique_inverse)
+    assert ((counts == 1).sum(), (counts == 2).sum()) == (16, len(counts) - 16)
+    outwards = tube.triangles_center - points[tube.faces // 8].mean(axis=1)
+    reach = np.einsum("ni,ni->n", tube.face_normals, outwards) / radii[tube.faces // 8].mean(axis=1)
+    np.testing.assert_allclose(reach, np.cos(np.pi / 8), rtol=0.01)
     assert drawn(marks.draw_curve, np.ones((5, 3)), np.ones(5), -Y).commands == []
 
 
@@ -45,6 +52,14 @@ def test_the_ground_is_level_with_stripes_across_the_flight():
     assert not vertices[:, 2].any()
     near = vertices[np.abs(vertices).max(axis=1) < 9.7, 1]
     agrees(np.unique(near.round(5)), 0.5 * np.arange(-19, 20), SINGLE)
+    lawn = scene.mesh("x")
+    assert (lawn.face_normals == (0, 0, 1)).all()
+    assert lawn.area == pytest.approx((2 * 100 * 10.0) ** 2)
+    light, deep = (np.array(list(colour.to_bytes(3))) / 255 for colour in marks.GRASS)
+    colours = packed_array(scene.shape("x")["data"]["attributes"]["color"])
+    dark = np.repeat(vertices[:, 1].reshape(-1, 4).mean(axis=1) % 1.0 > 0.5, 4)
+    fade = np.clip(1.0 - np.hypot(*vertices[:, :2].T) / 10.0, 0.0, 1.0)
+    agrees(colours, light + (dark * fade)[:, None] * (deep - light), 10 * SINGLE)
 
 
 @pytest.mark.parametrize(("length", "last"), [(0.0, 1), (1.9, 1), (2.2, 2), (11.0, 6), (12.0, 6)])
@@ -66,11 +81,24 @@ def test_axes_are_those_of_the_world_with_the_length_that_they_say():
     assert ">x (0.5 m)<" in scene.labels
 
 
+def test_a_ball_is_a_sphere_with_twelve_dark_panels():
+    scene = drawn(marks.draw_ball, 0.11, np.array([1.0, 2.0, 3.0]))
+    dark, bright = (scene.mesh(f"x/{name}") for name in ("pentagons", "hexagons"))
+    whole = trimesh.Trimesh(dark.vertices, np.vstack([dark.faces, bright.faces]), process=False)
+    assert whole.is_watertight
+    assert whole.volume == pytest.approx(4 / 3 * np.pi * 0.11**3, rel=0.01)
+    agrees(np.linalg.norm(whole.vertices - (1, 2, 3), axis=1), np.full(len(whole.vertices), 0.11),
+           10 * SINGLE)  # fmt: skip
+    assert len(trimesh.graph.connected_components(dark.face_adjacency)) == 12
+
+
 def test_dots_are_round_their_points_and_a_tee_reaches_from_the_ground_to_the_ball():
     points = np.array([(0.0, 0.0, 1.0), (5.0, 2.0, 3.0)])
-    vertices = drawn(marks.draw_dots, points, 0.1, 0).vertices("x").reshape(2, 12, 3)
+    dots = drawn(marks.draw_dots, points, 0.1, 0).mesh("x")
+    vertices = dots.vertices.reshape(2, 12, 3)
     agrees(vertices.mean(axis=1), points, SINGLE)
     assert np.linalg.norm(vertices - points[:, None], axis=2) == pytest.approx(0.1, rel=10 * SINGLE)
+    assert dots.volume == pytest.approx(2 * 2.5361507 * 0.1**3, rel=1e-5)  # icosahedra
     scene = drawn(marks.draw_tee, np.array([1.0, 2.0, 0.5]), 0.3, 0.11)
     half = scene.shape("x")["height"] / 2
     for end, z in ((-half, 0.2), (half, 0.5)):

@@ -9,6 +9,8 @@ from drawn_scene import SINGLE, DrawnScene, check_joints
 from tolerances import agrees
 
 import kickdyn as kd
+from kickdyn.view.document import recording_viewer
+from kickdyn.view.run_scene import draw_run
 
 
 @pytest.mark.parametrize("hits", [True, False])
@@ -35,6 +37,14 @@ def test_a_simulated_run_is_beside_the_plan_at_the_same_times(hits):
         if hits and time >= after.time:
             right = run.path.sample(min(time - after.time, run.path.duration)).position
         agrees(scene.point("run/ball", frame) - offset, right, 10 * SINGLE)
+    figure = np.vstack([scene.vertices(node) for node in scene.objects
+                        if node.startswith("leg/") and "data" in scene.shape(node)])  # fmt: skip
+    for node, place in (("planned/name", 0.0), ("run/name", offset)):
+        _, y, z = scene.point(node) - place  # above the middle of the robot
+        assert (z > figure[:, 2].max(), abs(y - figure[:, 1].mean()) < 0.02) == (True, True)
+    wide = np.array([(0.0, -1.0, 0.0), (0.0, 2.0, 1.0)])
+    apart = draw_run(recording_viewer(), run, np.array([1.0, 0.0, 0.0]), wide).offset
+    assert apart[1] < -3.0  # by more than the robot's width
     assert ("run/curve" in scene.objects) is hits
     if hits:
         agrees(scene.curve("run/curve")[-1] - offset, run.path.landing.position, 10 * SINGLE)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from drawn_scene import SINGLE, DrawnScene, check_joints
+from drawn_scene import SINGLE, DrawnScene, check_joints, in_the_picture
 from tolerances import agrees, closed_form
 
 import kickdyn as kd
@@ -37,6 +37,15 @@ def test_the_moves_place_all_that_another_kick_moves():
     assert f">{path.range:.3g} m<" in moves.labels
     assert f">{np.linalg.norm(other.impulse):.3g} N s<" in moves.labels
     assert "slower" in moves.panel
+
+
+def test_the_camera_sees_flights_of_half_as_much_again():
+    first, other = kick(), kick(speed=11.5)
+    ranges = [kd.fly(hit.ball_after, hit.ball, kd.Air()).range for hit in (first, other)]
+    assert 1.4 < ranges[1] / ranges[0] < 1.55
+    still = StillKick(first)
+    shown, moved = DrawnScene(still.page), DrawnScene(still.moves(other).commands)
+    in_the_picture(shown.slopes(moved.curve("curve")))
 
 
 def test_arrows_and_ellipsoid_keep_their_scale():

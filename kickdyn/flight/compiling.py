@@ -362,7 +362,7 @@ def _known(value: Any) -> Any:
 def fingerprint(value: Any, *more: bytes) -> str | None:
     """Return a name that two functions share only if they, and all that they call, do the same.
 
-    Code, defaults and the values of the names that a function uses count. It is None where the
+    Code, defaults and the values of the names that a function uses count. It is None if the
     function uses what has no plain value: an array, a module of someone's own, a function that is
     compiled already.
     """

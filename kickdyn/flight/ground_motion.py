@@ -31,7 +31,7 @@ class GroundPhase:
     Attributes:
         start, end: the ball at the start and at the end of the phase.
         kind: `slide` or `roll`.
-        reached: name of the event that ended the phase, such as `at-plane`; None where none did.
+        reached: name of the event that ended the phase, such as `at-plane`; None if none did.
         blown: whether the wind does not let it rest.
         evaluations: number of evaluations of the acceleration.
     """

@@ -48,7 +48,7 @@ class Arc(NamedTuple):
     Attributes:
         end: time of the event or the limit [s].
         state: state at the end, shape `(m,)`.
-        reached: the event that ended the integration; None where the time limit did.
+        reached: the event that ended the integration; None if the time limit did.
         passed: the events on the way that did not end it, with functions that return time and
             state; some may be after the end.
         evaluations: number of evaluations of the rates.
@@ -185,7 +185,7 @@ class _Step:
         return self.solver.dense_output()  # type: ignore[no-any-return]
 
     def find_fall(self, event: Event) -> _Fall | None:
-        """Return where the function of an event first falls through zero; None where it does not.
+        """Return where the function of an event first falls through zero; None if it does not.
 
         A function that has the same sign at both ends may come and go within the step if it has the
         other sign at an end of the states' tangents. One that is zero at the beginning must rise

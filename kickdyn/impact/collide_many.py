@@ -252,7 +252,7 @@ class _Kernel:
 
     @classmethod
     def of(cls, leg: Leg, torque: Array) -> "_Kernel | None":
-        """Return the kernel of a leg, or None where there is none."""
+        """Return the kernel of a leg, or None if there is none."""
         from kickdyn.robot.tree_kernel import hinges_and_slides
 
         joints = hinges_and_slides(leg)

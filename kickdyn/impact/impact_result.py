@@ -42,7 +42,7 @@ class Impact(AfterApproach):
         approach: leg and ball just before the impact.
         law: name of the impact law.
         solution: the impulse that the law returned.
-        response: response of the leg, where it was computed together with the impulse; None where
+        response: response of the leg, where it was computed together with the impulse; None if
             it follows from the impulse.
     """
 

@@ -272,7 +272,7 @@ class _Kernel:
 
     @classmethod
     def of(cls, given: Strikes) -> "_Kernel | None":
-        """Return the kernel of a leg, or None where there is none."""
+        """Return the kernel of a leg, or None if there is none."""
         leg, movable = given.leg, all(ball.mass < math.inf for ball in given.balls)
         if leg.base_velocity is not None or leg.nq != leg.nv or not movable:
             return None

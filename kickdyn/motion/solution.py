@@ -43,12 +43,12 @@ class Solution:
         coefficients: of the splines, shape `(size, n)`.
         share: of the launch.
         times: of the points, before and after the impact [s].
-        multipliers: None where a solution does not start from those.
+        multipliers: None if a solution does not start from those.
         feasible: whether the rows are in their bounds, within `TOLERANCE`.
         iterations: number of its iterations.
         limited: joints at rest whose torques had rows.
         linearized: coefficients at which the forces of joints that give way in the impact were
-            computed for its rows; None where a solution does not start from those.
+            computed for its rows; None if a solution does not start from those.
     """
 
     rest: Array

@@ -110,7 +110,7 @@ def shift_weight(problem: MotionProblem, feet: Feet, last: Array) -> WeightShift
         last: posture at its end, shape `(n,)`.
 
     Returns:
-        None where no posture has the weight between both feet.
+        None if no posture has the weight between both feet.
     """
     limits, still = problem.limits_of_shift(), np.zeros(problem.n)
     force, moment = np.split(np.asarray(limits[0][0](last, still, still)[1]).ravel(), 2)

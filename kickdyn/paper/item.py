@@ -45,7 +45,7 @@ class Item:
 
     Attributes:
         item: where it stands, such as `Table 2 a total`.
-        paper: what the paper prints; None where it gives only a curve or words.
+        paper: what the paper prints; None if it gives only a curve or words.
         ours: what kickdyn computes.
         unit: of both.
         verdict: see `MEANINGS`.
@@ -67,7 +67,7 @@ class Item:
 
     @property
     def relative_error(self) -> float | None:
-        """Our number over the paper's, less 1; None where the paper prints none, or 0."""
+        """Our number over the paper's, less 1; None if the paper prints none, or 0."""
         return self.ours / self.paper - 1 if self.paper else None
 
     @property

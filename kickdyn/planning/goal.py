@@ -280,7 +280,7 @@ class PlannedLaunch(ReprMixin):
     Attributes:
         status: `met`; or `unreachable`, and this is the nearest launch there is.
         goal: the goal that was asked for; for a receiver who runs, the target where he is met.
-        limit: reason why the goal is unreachable, see `LaunchLimit`; None where it is met.
+        limit: reason why the goal is unreachable, see `LaunchLimit`; None if it is met.
         velocity: velocity of the launch, shape `(3,)` [m/s, world frame].
         spin: spin of the launch, shape `(3,)` [rad/s, world frame].
         ball: the ball.

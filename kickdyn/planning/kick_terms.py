@@ -163,7 +163,7 @@ class KickTerm(Function[KickPoint]):
 
     @abstractmethod
     def derivatives(self, posture: Posture, v: Array) -> tuple[Array, Array | None]:
-        """Return its derivatives by q and v, shape `(k, nv)` each; None where v does not count."""
+        """Return its derivatives by q and v, shape `(k, nv)` each; None if v does not count."""
 
 
 class Objective(Function[KickPoint]):

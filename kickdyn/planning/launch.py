@@ -52,7 +52,7 @@ class OutOfReach(InvalidInput):
 
     Attributes:
         limit: the reason why there is no such launch.
-        nearest: the nearest launch or pass there is; None where none is known.
+        nearest: the nearest launch or pass there is; None if none is known.
     """
 
     def __init__(self, message: str, limit: LaunchLimit, nearest: PlannedLaunch | None) -> None:

@@ -52,7 +52,7 @@ class ShootingProblem:
         air: the air; None is the vacuum.
         spin: the spin, shape `(3,)` [rad/s]; with `seeks_spin` its axis, a unit vector.
         seeks_spin: whether the size of the spin is an unknown.
-        struck: the ball before it is struck, which keeps its spin along the impulse; None where
+        struck: the ball before it is struck, which keeps its spin along the impulse; None if
             the spin is as given.
         tol: tolerance of the integration, relative to the flight's length and speed.
     """
@@ -90,7 +90,7 @@ class ShootingProblem:
     def shoot(
         self, launch: Array, time: float, with_slopes: bool = True
     ) -> DifferentiableFlight | None:
-        """Fly the unknowns without the time for a time [s]; None where that fails."""
+        """Fly the unknowns without the time for a time [s]; None if that fails."""
         increments = INCREMENT * self.sizes(np.append(launch, time))[:-1]
         if not with_slopes:
             increments = increments[:0]
@@ -154,7 +154,7 @@ def _extreme_time(flight: DifferentiableFlight, sign: float) -> float:
 
 
 def _root(value: Callable[[float], float], begin: float, end: float) -> float | None:
-    """Return the time at which a value rises through zero [s]; None where it does not."""
+    """Return the time at which a value rises through zero [s]; None if it does not."""
     if not value(begin) < 0.0 <= value(end):
         return None
     return float(brentq(value, begin, end, xtol=1e-15 * end))
@@ -218,7 +218,7 @@ def solve_launch(
     steps: int = 40,
     last_slopes: bool = True,
 ) -> LaunchSolution | None:
-    r"""Solve for a launch by Newton's method from a first guess; None where it fails.
+    r"""Solve for a launch by Newton's method from a first guess; None if it fails.
 
     The launch :math:`(v, s)` and the time :math:`t` solve :math:`x(t; v, s) = x_{target}` together
     with the goal's condition, to a relative error of `accuracy`. Each step integrates one flight

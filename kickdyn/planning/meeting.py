@@ -90,7 +90,7 @@ class Meeting(ReprMixin):
         incoming: the ball as it was seen, with its ground.
         goal: the goal, seen from where the ball is met; of a trap, the motion that is wished.
         air: the air; None is the vacuum.
-        impact: the kick; None where there is none.
+        impact: the kick; None if there is none.
         share: share of the change of velocity that is reached; 0 without a kick.
         speed_use: largest joint speed over its limit; nan without a kick.
         reason: why there is no kick, or which bodies collide in it, where another one is preferred.

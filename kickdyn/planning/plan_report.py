@@ -40,7 +40,7 @@ FAULTS = {
 
 
 def passage_of(wall: Wall, plan: KickPlan) -> Passage | None:
-    """Return how the ball of a plan passes a wall; None where it comes down before."""
+    """Return how the ball of a plan passes a wall; None if it comes down before."""
     return passage_on(plan.path, wall, plan.aim.ahead, plan.impact.ball.radius)
 
 
@@ -334,7 +334,7 @@ def unreachable_json(goal: Goal, error: OutOfReach) -> dict[str, Any]:
 
 
 def _least_friction(frame: str, plan: KickPlan) -> float | None:
-    """Return the least coefficient of friction under a support; None where it is not pressed."""
+    """Return the least coefficient of friction under a support; None if it is not pressed."""
     x, y, z = plan.impact.support_impulses[frame][:3].tolist()
     return math.hypot(x, y) / z if z > 0.0 else None
 

@@ -59,7 +59,7 @@ class ReachRow:
         azimuth: direction to the left of x [deg].
         elevation: direction above the horizontal [deg].
         speed: largest launch speed of which the plan is `met` [m/s]; 0 where none is.
-        beyond: least larger speed of which it is not [m/s]; None where all that were tried are.
+        beyond: least larger speed of which it is not [m/s]; None if all that were tried are.
         reason: why that one is not, or that no larger one is tried.
         carpet, turf: horizontal distance from the ball to where it comes to rest, on a level ground
             that it touches at its launch [m].

@@ -71,7 +71,7 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
         stiff_joints: joints whose velocity an impact does not change.
         drives: by joint, as given; their rotors and limits are in the model.
         base_velocity: of the fixed base, at the world's origin: linear, then angular, shape `(6,)`
-            [m/s, rad/s, world axes]; None where it is at rest.
+            [m/s, rad/s, world axes]; None if it is at rest.
         constraints: by supports, loops, mimic joints and stiff joints; None without any.
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
     """
@@ -600,7 +600,7 @@ class Posture(JointSpace, ReprMixin):
         return v
 
     def try_joint_velocity(self, wish: ArrayLike) -> Array | None:
-        """Return what `joint_velocity` returns, or None where it would raise `InvalidInput`."""
+        """Return what `joint_velocity` returns, or None if it would raise `InvalidInput`."""
         wish = validation.vector("point velocity", wish, 3, unit="m/s")
         v, _, is_possible = self._least_energy_velocity(wish)
         return v if is_possible and np.isfinite(v).all() else None

@@ -61,7 +61,7 @@ class Visual:
         shape: what it is.
         size: see `Shape`.
         mesh: name of the mesh file as it is written; empty for other shapes.
-        rgba: colour, 0 to 1; None where the file gives none.
+        rgba: colour, 0 to 1; None if the file gives none.
         has_texture: whether the file colours it by a picture, which is not read.
         vertices, faces: of a mesh that was read with the robot's file, in place of `mesh`: shape
             `(n, 3)` [m, frame of the visual], and indices of vertices, shape `(m, 3)`.
@@ -138,7 +138,7 @@ class Triangles:
     Attributes:
         vertices: shape `(n, 3)` [m, frame of the visual].
         faces: indices of vertices, shape `(m, 3)`.
-        rgba: its own colour, 0 to 1; None where the file gives none.
+        rgba: its own colour, 0 to 1; None if the file gives none.
     """
 
     vertices: Array

@@ -109,7 +109,7 @@ def check_before(wall: Wall, distance: float) -> None:
 def passage_on(
     path: Flight | Course, wall: Wall, ahead: Array, radius: float, start_height: float = 0.0
 ) -> Passage | None:
-    """Return how a ball passes a wall on its path; None where the path ends before the wall.
+    """Return how a ball passes a wall on its path; None if the path ends before the wall.
 
     `ahead` is the horizontal unit vector from the start to the target, shape `(3,)`, `start_height`
     the height of the ball's lower edge above the ground at the start [m].

@@ -69,12 +69,12 @@ class Simulation(Printed):
 
     Attributes:
         scene: the scene, as it was given.
-        tolerance: tolerance on the position of the end [m]; None where everything is as exact as
+        tolerance: tolerance on the position of the end [m]; None if everything is as exact as
             the integrators can compute it.
         impact: the impact, of an instant or of a finite contact time.
         path: the flight or the course of the ball, with all effects of the scene.
         launch_spread: covariances of the launch that follow from the `uncertainty` of the scene;
-            None where it has none.
+            None if it has none.
         model_error: estimate of the distance by which a neglected contact time moves the end [m];
             0 where nothing is neglected, inf where it is not known.
         note: what is known about a neglected contact time.
@@ -223,7 +223,7 @@ class Simulation(Printed):
 
     @cached_property
     def score(self) -> Score | None:
-        """How the ball meets the goal; None where the scene's plane is no goal line."""
+        """How the ball meets the goal; None if the scene's plane is no goal line."""
         scene, plane = self.scene, self.scene.plane
         if plane is None or not plane.is_goal_line:
             return None

@@ -71,14 +71,14 @@ class MujocoRun(ReprMixin):
         ball_after: the ball when it has left the foot; at rest where the foot misses it.
         delay: time of the first contact after the planned one [s]; NaN where there is none.
         path: flight or course of the ball from `ball_after` to the plane of the target, or to the
-            ground before it; None where the foot misses it.
+            ground before it; None if the foot misses it.
         upright: whether the robot still stands 1 s after the ball has left, or 0.2 s after the end
             of a motion that takes longer; true for a leg on a fixed base.
         margins: least distance from each limit over the run: `torque`, `speed` and `friction` as
             a share of the limit, `centre of pressure` from the edge of the sole [m]. The last two
             are of forces averaged over 20 ms. With 0 as the last one, the sole rests on an edge
             or a corner for that time: it tips, and may come down again.
-        seed: of the differences from the plan; None where there are none.
+        seed: of the differences from the plan; None if there are none.
     """
 
     plan: KickPlan

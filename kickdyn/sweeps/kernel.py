@@ -109,7 +109,7 @@ class KernelModel:
 
     @classmethod
     def of(cls, leg: Leg, kick: Kick) -> "KernelModel | None":
-        """Return the model of a leg and a kick, or None where the kernel does not serve them.
+        """Return the model of a leg and a kick, or None if the kernel does not serve them.
 
         It serves no floating base, no supports, no loops and no helical joints, and no base that
         moves across the plane of planar motion.

@@ -56,7 +56,7 @@ class Page:
         viewer: the `meshcat.Visualizer` into which the scene is drawn.
         title: of the page, plain text.
         panel: HTML laid over the scene.
-        pace: of the animation; None where nothing moves.
+        pace: of the animation; None if nothing moves.
         warnings: a line for each robot with visuals that are not drawn, because a mesh is missing,
             say; the panel shows them too.
         pages: this page and others by the names of buttons, which show them; empty for one page.

@@ -269,10 +269,10 @@ def check_actuators(plan: KickPlan) -> Sequence[str]:
     """Return a line for the joints that move but that the leg's file does not drive."""
     leg, v = plan.leg, plan.v
     passive = () if leg.file is None else leg.file.passive_joints
-    moved = [x for x in passive if x in leg.single_joints and v[leg.velocity_index(x)]]
-    if not moved:
+    undriven = [x for x in passive if x in leg.single_joints and v[leg.velocity_index(x)]]
+    if not undriven:
         return []
-    remedies = [listed(moved), lock_remedy(leg.workspace.model, moved)]
+    remedies = [listed(undriven), lock_remedy(leg.workspace.model, undriven)]
     return [
         "the plan moves joints that have no actuator in the leg's file: "
         + "; to keep them at rest, ".join(filter(None, remedies))

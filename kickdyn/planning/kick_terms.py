@@ -86,7 +86,7 @@ class KickVariables:
         return self.leg.posture(configuration).with_contact_offset(self.target.contact.offset)
 
     def point(self, x: Array) -> "KickPoint":
-        """Return what the terms of a kick evaluate."""
+        """Return the point at which the terms of a kick are evaluated."""
         return KickPoint(self, x)
 
     def slope(self, by_q: Array, by_v: Array | None = None, by_share: Array | None = None) -> Array:

@@ -226,8 +226,8 @@ def _pairs(branches: list[list[LaunchSolution]]) -> list[tuple[LaunchSolution, L
 
 
 def _is_between(pair: tuple[LaunchSolution, LaunchSolution], member: LaunchSolution) -> bool:
-    first, second = (neighbour.unknowns for neighbour in pair)
-    chord = second - first
-    fraction = (member.time - first[-1]) / chord[-1]
-    aside = np.abs(member.unknowns - first - fraction * chord)
-    return -1e-6 <= fraction <= 1 + 1e-6 and bool((aside <= 0.3 * np.abs(chord).max()).all())
+    begin, end = (neighbour.unknowns for neighbour in pair)
+    chord = end - begin
+    fraction = (member.time - begin[-1]) / chord[-1]
+    deviation = np.abs(member.unknowns - begin - fraction * chord)
+    return -1e-6 <= fraction <= 1 + 1e-6 and bool((deviation <= 0.3 * np.abs(chord).max()).all())

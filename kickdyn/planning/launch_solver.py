@@ -82,10 +82,10 @@ class ShootingProblem:
             return np.array(spin)
         change = launch[:3] - self.struck.velocity
         along = change / (float(np.linalg.norm(change)) or 1.0)
-        kept = float(self.struck.spin @ along)
-        if abs(kept) < ACROSS_SHARE * float(np.linalg.norm(self.struck.spin)):
-            kept = 0.0
-        return np.asarray(spin + (kept - spin @ along) * along)
+        axial_spin = float(self.struck.spin @ along)
+        if abs(axial_spin) < ACROSS_SHARE * float(np.linalg.norm(self.struck.spin)):
+            axial_spin = 0.0
+        return np.asarray(spin + (axial_spin - spin @ along) * along)
 
     def shoot(
         self, launch: Array, time: float, with_slopes: bool = True
@@ -165,7 +165,7 @@ class LaunchSolution:
     """The launch at which Newton's method arrived.
 
     Attributes:
-        unknowns: as of `ShootingProblem`.
+        unknowns: those of the `ShootingProblem`.
         errors: of the target (3 components), of the condition beside it, and of `beside`.
         history: launch velocities, the first guess first, shape `(k, 3)` [m/s].
         trajectory: the flight with its derivatives by launch velocity and spin size.
@@ -244,13 +244,13 @@ def solve_launch(
         norm = float(np.linalg.norm(errors / scale))
         for halvings in range(12):
             shorter = np.asarray(step * 0.5**halvings)
-            moved = np.append(step_in_root(x[:3], shorter[:3]), x[3:] + shorter[3:])
-            if moved[-1] <= 0.0:
+            trial = np.append(step_in_root(x[:3], shorter[:3]), x[3:] + shorter[3:])
+            if trial[-1] <= 0.0:
                 continue
-            known = slopes if norm < NEAR_SOLUTION and not last_slopes else None
-            evaluation = residual(moved, known)
+            known_slopes = slopes if norm < NEAR_SOLUTION and not last_slopes else None
+            evaluation = residual(trial, known_slopes)
             if float(np.linalg.norm(evaluation[0] / scale)) < norm:  # not where it is nan
-                x, (errors, slopes, flight) = moved, evaluation
+                x, (errors, slopes, flight) = trial, evaluation
                 break
         else:
             break
@@ -294,12 +294,12 @@ def goal_condition(goal: Goal, x: Array, flight: DifferentiableFlight) -> tuple[
 
 def distinct(solutions: list[LaunchSolution], problem: ShootingProblem) -> list[LaunchSolution]:
     """Return solutions by time of flight, without repetitions of the same one."""
-    kept: list[LaunchSolution] = []
+    unique: list[LaunchSolution] = []
     for solution in solutions:
         sizes = problem.sizes(solution.unknowns)
-        if all(np.abs((solution.unknowns - k.unknowns) / sizes).max() > 1e-6 for k in kept):
-            kept.append(solution)
-    return sorted(kept, key=lambda solution: solution.time)
+        if all(np.abs((solution.unknowns - k.unknowns) / sizes).max() > 1e-6 for k in unique):
+            unique.append(solution)
+    return sorted(unique, key=lambda solution: solution.time)
 
 
 def target_equations(goal: Goal, x: Array, flight: DifferentiableFlight) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""The picture of what a robot can do: launch speeds and distances by elevation."""
+"""The figure of a robot's reach: launch speeds and distances by elevation."""
 
 from typing import Any
 

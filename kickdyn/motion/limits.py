@@ -86,7 +86,7 @@ class Limit(ABC):
     Attributes:
         labels: a name for each row, for sentences.
         unit: of the margins: `m`, `rad` or nothing for a share of the limit.
-        reserve: margin that the solver keeps at its points, for what is between them.
+        reserve: margin that the solver keeps at its points, for the times between them.
         by_splines: whether the coefficients of the splines keep it at all times, so that the solver
             needs no rows at its points.
     """
@@ -249,7 +249,7 @@ class PressureCentre(GroundLimit):
 
 
 class Twist(GroundLimit):
-    """Friction supplies the moment about the vertical: what is left of its arm [m].
+    """Friction supplies the moment about the vertical: the remaining arm [m].
 
     The arm of an even pressure is about half the mean distance of the sole's corners from its
     centre.

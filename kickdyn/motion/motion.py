@@ -123,14 +123,14 @@ class Motion(ReprMixin):
     @property
     def phases(self) -> tuple[Phase, ...]:
         """The backswing and the recovery; the weight is shifted before and after these."""
-        first, last = float(self.before.t[0]), float(self.after.t[-1])
-        kick = Phase("backswing", first, 0.0), Phase("recovery", 0.0, last)
+        begin, end = float(self.before.t[0]), float(self.after.t[-1])
+        kick = Phase("backswing", begin, 0.0), Phase("recovery", 0.0, end)
         if self.shift is None:
             return kick
         return (
-            Phase("shift onto one foot", self.begin, first),
+            Phase("shift onto one foot", self.begin, begin),
             *kick,
-            Phase("shift onto both feet", last, self.end),
+            Phase("shift onto both feet", end, self.end),
         )
 
     def q(self, t: float) -> Array:

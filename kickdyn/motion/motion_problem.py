@@ -110,9 +110,9 @@ class MotionProblem:
             [whole.velocity_index(name) for name in names]
             for names in (task.leg.joint_names, task.resting)
         )
-        rest, still = self._at_rest, np.zeros(whole.nv)
+        at_rest, still = self._at_rest, np.zeros(whole.nv)
         states = [
-            self._among_all(rest, tree.q), self._among_all(still, tree.v),
+            self._among_all(at_rest, tree.q), self._among_all(still, tree.v),
             self._among_all(still, tree.a),
         ]  # fmt: skip
         self._resting_torque = SymbolicTree(whole.model, states).inverse_dynamics()[0][
@@ -140,9 +140,9 @@ class MotionProblem:
             self.feet = Feet(task.leg, task.standing, task.other)
             self.feet.following()  # refused now if there are too few joints
             pose, joint = task.other.pose, task.leg.contact_joint
-            turned = ca.DM(pose.rotation).T @ tree.rotation(joint)
+            relative = ca.DM(pose.rotation).T @ tree.rotation(joint)
             placed = tree.point(joint, np.zeros(3)) - ca.DM(pose.translation)
-            closed = ca.vertcat(placed, ca.inv_skew(turned - turned.T) / 2)
+            closed = ca.vertcat(placed, ca.inv_skew(relative - relative.T) / 2)
             self._closed = make_rows(tree.q, ca.SX(0, 1), [(closed, 0.0, 0.0)], ca.SX(0.0))
 
     def _of_all_joints(self) -> tuple[Any, Any]:
@@ -182,8 +182,8 @@ class MotionProblem:
         tree, count = self._tree, self._scale.numel()
         forces = ca.SX.sym("forces", count)
         change = ca.SX.sym("change", count + len(self._resting))
-        given = ca.vertcat(self._scale * forces, ca.SX(6, 1))
-        sample = Sample(tree, given[: self.n], given[self.n : self.n + 6], self._weight,
+        loads = ca.vertcat(self._scale * forces, ca.SX(6, 1))
+        sample = Sample(tree, loads[: self.n], loads[self.n : self.n + 6], self._weight,
                         self._resting_torque + change[count:])  # fmt: skip
         # splines keep some limits, and bounds of unknowns others
         others = (TorqueLimit, SpeedLimit, RangeLimit, RestingTorqueLimit)
@@ -236,13 +236,13 @@ class MotionProblem:
         return np.asarray(forces)
 
     def _changes(self, times: list[Array], coefficients: Array, share: float) -> Array:
-        """Return how joints at rest that gave way change forces, over their scale, at points.
+        """Return changes of forces by joints at rest that gave way, over their scale, at points.
 
         Torques of joints at rest follow, which have no scale.
         """
         states = [self.states(times, coefficients, each) for each in (share, 0.0)]
-        after, rest = map(self.all_forces, states)
-        return np.asarray(after - rest)
+        after, unchanged = map(self.all_forces, states)
+        return np.asarray(after - unchanged)
 
     def _rows_apart(self, joints: tuple[int, int]) -> Rows:
         """Return the row of `Conditions` of two joints, with the configuration as its unknown.
@@ -356,10 +356,10 @@ class MotionProblem:
         size = last + 1 + self.task.whole.nv
         to_speeds = per_joint(splines.speed_rows(), n, 1)
         to_speeds = sp.diags(np.resize(1.0 / self.task.speed_limit, to_speeds.shape[0])) @ to_speeds
-        known = start.coefficients
+        reference = start.coefficients
         if start.linearized is not None:  # without the mean, two solutions can alternate for ever
-            known = (known + start.linearized) / 2
-        changes = self._changes(times, known, start.share)
+            reference = (reference + start.linearized) / 2
+        changes = self._changes(times, reference, start.share)
         blocks = [*self._blocks(times, changes), *map(self._block_apart, apart)]
         most = np.full(to_speeds.shape[0], 1.0 - SpeedLimit.reserve)
         lower = [np.tile(block.rows.lower, len(block.weights)) for block in blocks]
@@ -421,7 +421,7 @@ class MotionProblem:
             feasible,
             int(solver.stats()["iter_count"]),
             self.limited,
-            known,
+            reference,
         )
 
     def _with_exact_impact(self, coefficients: Array, share: float) -> Array:
@@ -494,8 +494,8 @@ class MotionProblem:
         It is the share that 10 % more, 1 cm or 0.1 rad would give, by the multipliers, without
         those limits where it is less than `LEAST_EFFECT`.
         """
-        known, names, total = solution.multipliers, self.task.leg.joint_names, dict[str, float]()
-        if known is None:
+        duals, names, total = solution.multipliers, self.task.leg.joint_names, dict[str, float]()
+        if duals is None:
             return total
 
         def add(label: str, values: Array, amount: float = 0.1) -> None:
@@ -503,20 +503,20 @@ class MotionProblem:
             effect = amount / SHARE * float(sizes[sizes > LEAST_MULTIPLIER].sum())
             total[label] = total.get(label, 0.0) + effect
 
-        torques = known.points[:, len(self.path.lower) :]
-        ranges = known.bounds[: self.splines.size * self.n]
+        torques = duals.points[:, len(self.path.lower) :]
+        ranges = duals.bounds[: self.splines.size * self.n]
         for i, name in enumerate(names):
             add(f"torque of {name}", torques[:, i])
-            add(f"speed of {name}", known.speeds[i :: self.n])
+            add(f"speed of {name}", duals.speeds[i :: self.n])
             add(f"range of {name}", ranges[i :: self.n])
         for i, (label, unit) in enumerate(self._on_path):
-            add(label, known.points[:, i], 0.01 if unit == "m" else 0.1)
+            add(label, duals.points[:, i], 0.01 if unit == "m" else 0.1)
         labels = [label for limit in self.impulse_limits for label in limit.labels]
         for label, value in zip(
-            labels, known.impact[len(known.impact) - len(labels) :], strict=True
+            labels, duals.impact[len(duals.impact) - len(labels) :], strict=True
         ):
             add(label, value)
-        for (joints, _, _), values in known.apart:
+        for (joints, _, _), values in duals.apart:
             add(self.surroundings.label(joints), values, 0.01)
         return {label: value for label, value in total.items() if value > LEAST_EFFECT}
 

@@ -78,8 +78,8 @@ class StillKick:
         self.leg, viewer = leg, recording_viewer()
         path = _flown(impact, path)
         corners = draw_leg(viewer["leg"], leg, impact.posture.q)
-        near, most = corners_around(impact), largest_impulse(impact)
-        self._size = float(np.linalg.norm(np.ptp(near, axis=0)))
+        foreground, most = corners_around(impact), largest_impulse(impact)
+        self._size = float(np.linalg.norm(np.ptp(foreground, axis=0)))
         self._scale = 0.45 * self._size / most if most > 0 else 0.0
         radii = impulse_ellipsoid(impact.posture)[0]
         self._per_root = ELLIPSOID_SHARE * self._size / max(float(radii.max()), 1e-9)
@@ -87,8 +87,8 @@ class StillKick:
         self._forward = level_direction(curve[-1] - curve[0])
         longer = curve[0] + LONGEST_SHARE * (curve - curve[0])  # so that other flights are seen
         far = np.vstack([corners, box_corners(longer, ball.radius)])
-        self._camera = camera_for(near, far, self._forward)
-        set_stage(viewer, self._camera, np.vstack([near, curve]))
+        self._camera = camera_for(foreground, far, self._forward)
+        set_stage(viewer, self._camera, np.vstack([foreground, curve]))
         foot = self._ground(impact)
         length = float(np.hypot(*(curve[-1] - foot)[:2]))
         stripe = stripe_width(length + self._size)
@@ -107,7 +107,7 @@ class StillKick:
     def moves(
         self, impact: Impact, path: Flight | Course | None = None, caption: str = ""
     ) -> Moves:
-        """Return what makes another kick of the same leg of the scene."""
+        """Return the changes of the scene for another kick of the same leg."""
         viewer = recording_viewer()
         panel = self._draw(viewer, impact, _flown(impact, path), caption)
         return Moves(viewer.window.commands, "\n".join(viewer.window.labels), panel)

@@ -55,7 +55,7 @@ the posture at both ends [1/rad2] and of the share of the launch that is not rea
 0.1 s of squared torque."""
 
 LEAST_EFFECT, LEAST_MULTIPLIER = 1e-3, 0.05
-"""Share of the launch below which a limit does not count as one that holds it back, and multiplier
+"""Share of the launch below which a limit does not count as one that reduces it, and multiplier
 below which a row does not count: Ipopt gives those that are not reached small ones, too."""
 
 WHOLE_SHARE = 1.0 - 1e-4

@@ -291,7 +291,7 @@ class _Search:
             shares = (1.0, 1.0) if reaches_all else (0.0, 1.0)
             start = solution if solution.feasible else nearest.solution
             anew = self._limit_overloaded(verdict) or far
-            start = replace(start, duals=None, linearized=None) if anew else start
+            start = replace(start, multipliers=None, linearized=None) if anew else start
             solution = self._solve(start, times, apart, TIGHTER if anew else AGAIN, shares)
             verdict, full = Verdict(self.problem, solution), solution.share > FULL
             verdicts.append(verdict)

@@ -203,8 +203,8 @@ class Constraints:
     @property
     def loop_rows(self) -> slice:
         """The rows of the loops in A."""
-        first = sum(support.size for support in self.supports)
-        return slice(first, first + 3 * len(self.loops))
+        start = sum(support.size for support in self.supports)
+        return slice(start, start + 3 * len(self.loops))
 
     @property
     def stiff_rows(self) -> slice:
@@ -246,8 +246,8 @@ class Constraints:
                     f"{LOOP_TOLERANCE:g} m (Leg.close_loops(q) closes it)"
                 )
 
-    def close_loops(self, model: Any, data: Any, q: Array, kept: Sequence[int]) -> Array:
-        """Return the configuration of `Leg.close_loops`; `kept` are indices in v."""
+    def close_loops(self, model: Any, data: Any, q: Array, fixed: Sequence[int]) -> Array:
+        """Return the configuration of `Leg.close_loops`; `fixed` are indices in v."""
         between = np.zeros(model.nv)  # 1 for joints between the ends of a loop
         for ends in self._looped:
             first_path, second_path = (set(model.supports[end.joint]) for end in ends)
@@ -256,11 +256,11 @@ class Constraints:
         coupled = self.gears.rows != 0.0  # a mimic joint moves as its driver does
         between[coupled[(coupled & (between > 0.0)).any(axis=1)].any(axis=0)] = 1.0
         free = between.copy()
-        free[kept] = 0.0
-        free[coupled[coupled[:, kept].any(axis=1)].any(axis=0)] = 0.0
-        near, gaps, rank = self._newton(model, data, q, free)
+        free[fixed] = 0.0
+        free[coupled[coupled[:, fixed].any(axis=1)].any(axis=0)] = 0.0
+        closed, gaps, rank = self._newton(model, data, q, free)
         if not _is_open(gaps):
-            return near
+            return closed
         away = pin.difference(model, pin.neutral(model), q) * between
         followed, lead = self.gears.follow(pin.integrate(model, q, -away)), away * (1.0 - free)
         stages = max(1, math.ceil(float(np.abs(lead).max()) / 0.1))  # of 0.1 rad or m at most

@@ -173,9 +173,9 @@ class Simulation(Printed):
         These are the effects with the smallest sizes; their sizes add up to at most half of the
         tolerance. All but the contact time are modelled all the same, because that takes no time.
         """
-        known = {name: size for name, size in self.effect_sizes.items() if math.isfinite(size)}
-        names = sorted(known, key=lambda name: known[name])
-        totals = accumulate(known[name] for name in names)
+        finite = {name: size for name, size in self.effect_sizes.items() if math.isfinite(size)}
+        names = sorted(finite, key=lambda name: finite[name])
+        totals = accumulate(finite[name] for name in names)
         return tuple(names[: sum(total <= 0.5 * (self.tolerance or 0.0) for total in totals)])
 
     @property
@@ -290,7 +290,7 @@ class Simulation(Printed):
 
     @validation.check_arguments
     def text(self, *, times: bool = False) -> str:
-        """Return what `print` shows; with times, also processor times, which differ each time."""
+        """Return the text of `print`; with times, also processor times, which differ each time."""
         source = "rounding"
         if self.numerical_error > 1e-12:
             source = f"{_length_text(self.numerical_error)} m by numerical integration"

@@ -217,7 +217,7 @@ def run_in_mujoco(
 
     The foot strikes with a plate at the contact point, whose contact `tune_mujoco` computes. The
     robot stands on the corners of its sole, its kicking foot may step on the floor, and nothing
-    else collides. The ball is held where it lies until the foot touches it, and afterwards flies
+    else collides. The ball is fixed where it lies until the foot touches it, and afterwards flies
     by `fly`, or `follow`.
 
     With a seed, the robot is not the one of the plan: masses of its bodies, friction of ground and
@@ -285,7 +285,7 @@ class _Samples(NamedTuple):
     """What a simulation leaves: a row for each step, and the ball when it has left the foot."""
 
     rows: Sequence[tuple[Array, Array, Array]]  # qpos, qvel, torque of the drives, before each step
-    ground: Sequence[Array]  # what `MujocoField.sole_load` returns, in each step
+    ground: Sequence[Array]  # results of `MujocoField.sole_load`, in each step
     touched: int | None  # step of the first contact
     ball: BallState | None
 
@@ -298,10 +298,10 @@ def _simulate(field: MujocoField, *, feed_forward: bool) -> _Samples:
     ground: list[Array] = []
     touched: int | None = None
     ball: BallState | None = None
-    first = math.floor(motion.begin / step)
+    start = math.floor(motion.begin / step)
     at_impact = field.reference(0.0, feed_forward=feed_forward)
     field.place()
-    number, last = first, math.ceil(LATEST_IMPACT / step)
+    number, last = start, math.ceil(LATEST_IMPACT / step)
     while number < last:
         sent = number * step - field.disturbance.delay  # when the commands of this step were
         if ball is not None and sent > float(ball.time) - 0.5 * step:
@@ -333,8 +333,8 @@ def _result(
     """Return the run that a simulation shows."""
     motion, robot, step = field.motion, field.motion.robot, field.timestep
     qpos, qvel, forces = (np.array(rows) for rows in zip(*samples.rows, strict=True))
-    first = math.floor(motion.begin / step)
-    t = np.asarray(step * (first + np.arange(len(qpos))))
+    start = math.floor(motion.begin / step)
+    t = np.asarray(step * (start + np.arange(len(qpos))))
     torque = np.zeros((len(t), robot.nv))
     torque[:, field.columns] = forces
     q = np.array([_configuration(field, row) for row in qpos])
@@ -377,11 +377,11 @@ def _ground_margins(field: MujocoField, samples: _Samples) -> dict[str, float]:
     if not len(loads):  # the sole never carried weight
         return {"friction": -math.inf, "centre of pressure": -math.inf}
     normal = loads[:, 0]
-    across = np.linalg.norm(loads[:, 1:3], axis=1)
+    tangential = np.linalg.norm(loads[:, 1:3], axis=1)
     centres = loads[:, 3:] / normal[:, None]
     inside = float((offsets - centres @ normals.T).min())
     return {
-        "friction": float((1.0 - across / (field.friction * normal)).min()),
+        "friction": float((1.0 - tangential / (field.friction * normal)).min()),
         "centre of pressure": 0.0 if abs(inside) < ROUNDING else inside,
     }
 

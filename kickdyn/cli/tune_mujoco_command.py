@@ -144,10 +144,10 @@ def find_foot(leg: Leg) -> tuple[str, ...]:
         return (frame,)
     if len(names) == 1 and names[0]:
         return (names[0],)
-    known = ", ".join(filter(None, names)) or "none with a name"
+    choices = ", ".join(filter(None, names)) or "none with a name"
     raise InvalidInput(
         f"which geom of {frame!r} strikes the ball? MuJoCo needs its name for friction: name it "
-        f"with --foot (there are {known}), or choose a contact without friction"
+        f"with --foot (there are {choices}), or choose a contact without friction"
     )
 
 

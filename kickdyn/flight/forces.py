@@ -143,8 +143,8 @@ def ballistic(velocity: Array, g: float, t: Array) -> Array:
     of shape `(n,)` [s], of one velocity `(3,)` or of n `(n, 3)` [m/s].
     """
     down, t = np.array([0.0, 0.0, -g]), t[:, None]
-    moved = velocity * t + 0.5 * down * (t * t)
-    return np.hstack([moved, velocity + down * t, np.ones_like(t)])
+    displacement = velocity * t + 0.5 * down * (t * t)
+    return np.hstack([displacement, velocity + down * t, np.ones_like(t)])
 
 
 def fall_to_planes(

@@ -19,7 +19,7 @@ FRICTION = 0.4
 """Between foot and ball, in all of the paper's simulations."""
 
 RESTITUTION = 0.8
-"""Not printed; what Table 2 needs."""
+"""Not printed; needed by Table 2."""
 
 
 @dataclass(frozen=True)

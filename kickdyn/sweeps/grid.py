@@ -62,16 +62,16 @@ class Grid:
         axes: dict[str, Array] = {}
         faults: list[str] = []
         listed = isinstance(samples, str) and samples == "list"
-        for name, given in postures.items():
+        for name, values in postures.items():
             with _collected(faults):
-                axes[name] = _checked_axis(leg, name, given, ascending=not listed)
+                axes[name] = _checked_axis(leg, name, values, ascending=not listed)
         still = np.zeros(1)
         drivers = {mimic.joint: mimic for mimic in leg.mimics}
         for name in leg.single_joints:
             with _collected(faults):
                 if mimic := drivers.get(name):
-                    moved = mimic.multiplier * axes.get(mimic.driver, still) + mimic.offset
-                    _check_range(leg, name, moved, f"moved by {mimic.driver}, which it mimics, to")
+                    angles = mimic.multiplier * axes.get(mimic.driver, still) + mimic.offset
+                    _check_range(leg, name, angles, f"moved by {mimic.driver}, which it mimics, to")
                 elif name not in postures:
                     _check_range(leg, name, still, "not named, so at")
         if faults:
@@ -264,7 +264,7 @@ def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
 
 @contextmanager
 def _collected(faults: list[str]) -> Iterator[None]:
-    """Append what is refused inside to the faults."""
+    """Append the refusals inside to the faults."""
     try:
         yield
     except InvalidInput as error:

@@ -68,8 +68,7 @@ class MjcfOptions(JsonOptions):
         """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""
         if self.out == "-" and not self.prints:
             raise InvalidInput("--out and --json are both -: only one of them can be stdout")
-        named = None if self.out == "-" else self.out
-        super().check(named, self.scene_out, *files, inputs=inputs)
+        super().check(None if self.out == "-" else self.out, self.scene_out, *files, inputs=inputs)
 
 
 @click.command("tune-mujoco", Command)

@@ -378,12 +378,9 @@ def _one_by_one(task: _Task, rows: NDArray[np.intp], tol: float, longest: Array 
             continue
         reached, evaluations[i] = flown.arc.reached, flown.arc.evaluations
         nodes[i] = np.concatenate([[flown.end[0]], flown.end[1], [apex[0]], apex[1]])
-        status[i] = ALOFT if reached is None else _flag_of(ends.index(reached))
+        end = -1 if reached is None else ends.index(reached)
+        status[i] = ALOFT if end < 0 else LANDED if end == 0 else FURTHER - 1 + end
     return _Flown(nodes, status, evaluations)
-
-
-def _flag_of(end: int) -> int:
-    return LANDED if end == 0 else FURTHER - 1 + end
 
 
 def _flights(

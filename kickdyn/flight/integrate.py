@@ -334,8 +334,7 @@ class _Integration:
         solver.step()
         self._evaluations += solver.nfev - evaluations
         if self._evaluations > MAX_EVALUATIONS:
-            reason = f"it takes more than {MAX_EVALUATIONS} evaluations of forces"
-            raise _given_up(time, reason)
+            raise _given_up(time, f"it takes more than {MAX_EVALUATIONS} evaluations of forces")
         if solver.status == "failed":
             raise _given_up(time, "the step would be shorter than time can be resolved")
         if not math.hypot(*solver.y.tolist()) < math.inf:

@@ -85,8 +85,7 @@ class Identification(ReprMixin):
         yield "samples", f"{self.used.size - self.outliers} of {self.used.size} used", ""
         yield "rms distance", self.rms, "m"
         for name, value in self.values.items():
-            number = f"{value:.4g} +- {self.deviations[name]:.2g}"
-            yield name, number, UNITS.get(name, "")
+            yield name, f"{value:.4g} +- {self.deviations[name]:.2g}", UNITS.get(name, "")
         for name, reason in self.undetermined.items():
             yield name, f"not determined: {reason}", ""
         for line in self.warnings:

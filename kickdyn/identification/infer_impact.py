@@ -191,8 +191,7 @@ class InferredImpact(ReprMixin):
         yield "contact point", self.contact_point, "m"
         yield "approach speed", self.approach_speed, "m/s"
         # a spin that is not known leaves the residual open
-        names = ("restitution", "friction", "residual")
-        for name in names[: 2 if self.notes else 3]:
+        for name in ("restitution", "friction", "residual")[: 2 if self.notes else 3]:
             spread = f" +- {self.deviations[name]:.2g}" if name in self.deviations else ""
             yield name, f"{getattr(self, name):.4g}{spread}", ""
         sizes = self.joint_sizes
@@ -405,8 +404,7 @@ def _with_deviations(
     at_ends = [np.abs(values(end) - values(np.zeros(end.size))) / COVERED for end in ends]
     if at_ends:
         changes.append(np.max(at_ends, axis=0))
-    spreads = np.linalg.norm(changes, axis=0).tolist()
-    restitution, friction, residual, *others = spreads
+    restitution, friction, residual, *others = np.linalg.norm(changes, axis=0).tolist()
     deviations = {
         "restitution": restitution,
         "friction": friction,

@@ -297,8 +297,7 @@ def place_deviation(fitted: FittedLeg, measured: Array, frames: Mapping[int, Sol
         for number, missed in zip(
             np.flatnonzero(frame.seen), frame.missed.reshape(-1, 3), strict=True
         ):
-            pose = kinematics.data.oMf[places[number].frame]
-            residuals[row, number] = pose.rotation.T @ missed
+            residuals[row, number] = kinematics.data.oMf[places[number].frame].rotation.T @ missed
     seen = np.isfinite(residuals[..., 0]).sum(axis=0)
     residuals, seen = residuals[:, seen > 1], seen[seen > 1, None]
     if (

@@ -213,7 +213,7 @@ def _without_spikes(track: Track, noise: float) -> NDArray[np.intp]:
 
 
 def _fitted(samples: _Samples, first: int, last: int, degree: int) -> _Piece:
-    """Return polynomials of a degree, or of the highest that they allow, fitted to samples."""
+    """Return polynomials of a degree, or of the highest that the samples allow, fitted to them."""
     times, points = samples.times[first:last], samples.positions[first:last]
     middle = 0.5 * float(times[0] + times[-1])
     fit = np.asarray(
@@ -409,7 +409,7 @@ def _at_bounces(
 def _rolling_deceleration(
     samples: _Samples, segments: Iterable[Segment], ball: Ball, air: Air
 ) -> Measured | None:
-    """Return the deceleration of rolling balls without the part by drag [m/s2], None without any.
+    """Return the deceleration of rolling balls without the part by drag [m/s2], or None.
 
     The force of the air moves a rolling ball as if its mass were m + I / r^2.
     """

@@ -217,7 +217,7 @@ class CompliantContact:
         return self.slip_end(contact, phase) if k == 1 else self.deflection_end(contact, phase)
 
     def slip_end(self, contact: Kinematics, phase: Phase) -> float:
-        """Return the value that is 0 where points slide in about their first direction no more."""
+        """Return the value that is 0 where points stop sliding in about their first direction."""
         w1, w2, _ = contact.relative
         return slip_end(phase.along, w1, w2, self.resting)
 
@@ -441,8 +441,7 @@ class CompliantContact:
         """Return kinetic and potential energy of leg and ball [J]."""
         ball = self.ball
         # Not computeKineticEnergy, which omits the rotor of the first joint.
-        inertia = pin.crba(self.model, self.data, state.q)
-        leg = 0.5 * float(state.v @ inertia @ state.v)
+        leg = 0.5 * float(state.v @ pin.crba(self.model, self.data, state.q) @ state.v)
         leg += float(pin.computePotentialEnergy(self.model, self.data, state.q))
         speed, spin = state.motion
         turning = ball.inertia if ball.inertia < math.inf else 0.0  # nothing turns a particle

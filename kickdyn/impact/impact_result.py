@@ -300,8 +300,7 @@ class Impact(AfterApproach):
             >>> round(spread.joints["knee"].force_deviation, 3)  # [N s]
             0.046
         """
-        names = self.posture.leg.joint_names
-        joints = dict(zip(names, self.joint_impulses, strict=True))
+        joints = dict(zip(self.posture.leg.joint_names, self.joint_impulses, strict=True))
         projectors = axis_projectors(self.posture)
         nominal = Nominal(self.impulse, self.ball_after.velocity, joints, projectors)
         return uncertainty(self.sensitivity(), nominal, spread)

@@ -205,8 +205,7 @@ class _Tree:
     def wrench_at(self, load: Load) -> Array:
         """Return the map of a load's wrench to one about the contact point, shape `(6, 6)`."""
         transform = np.eye(6)
-        pose = self.poses[load.joint]
-        transform[ANGULAR, LINEAR] = pin.skew(pose.act(load.lever))
+        transform[ANGULAR, LINEAR] = pin.skew(self.poses[load.joint].act(load.lever))
         return transform
 
     def moving_load(self, load: Load, q_slopes: Array) -> Array:

@@ -74,8 +74,7 @@ class FootPatch:
         if not (isinstance(self.width, float) and self.width == math.inf):
             values["width"] = validation.number("patch width", self.width, above=0, unit="m")
         if self.across is not None:
-            across = validation.direction("patch direction", self.across)
-            values["across"] = tuple(across.tolist())
+            values["across"] = tuple(validation.direction("patch direction", self.across).tolist())
         self.__dict__.update(values)
 
 
@@ -364,8 +363,7 @@ class PatchContact(CompliantContact):
             displacement_rate, acceleration, state.motion[0], on_ball / ball.mass + self.gravity,
             turning / ball.inertia, (lost, power), sheared,
         ])  # fmt: skip
-        end = self.deflection_end(contact, phase)
-        ends = end, self.slip_end(contact, phase)
+        ends = self.deflection_end(contact, phase), self.slip_end(contact, phase)
         return Evaluation(rates, on_ball, self.deflection(contact), ends, (w1, w2))
 
     def _bristles(

@@ -130,8 +130,7 @@ def limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
     limits.append(Apart("the kicking foot", foot, beside, edge, side))
     if carriers := _trunk_carriers(standing, leg):
         pin.forwardKinematics(leg.workspace.model, leg.workspace.data, leg.configuration())
-        upright = leg.workspace.data.oMi[carriers[-1]].rotation[2].copy()
-        limits.append(Tilt(carriers[-1], upright))
+        limits.append(Tilt(carriers[-1], leg.workspace.data.oMi[carriers[-1]].rotation[2].copy()))
     if task.resting:
         limits.append(resting_limit(task, task.resting))
     return limits, [Impulse(limit) for limit in in_impact]

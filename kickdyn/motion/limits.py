@@ -330,5 +330,4 @@ class Tilt(Limit):
         self._joint, self._axis = joint, axis
 
     def margins(self, sample: Sample) -> Any:
-        upright = (sample.tree.rotation(self._joint) @ ca.DM(self._axis))[2]
-        return upright - math.cos(LARGEST_TILT)
+        return (sample.tree.rotation(self._joint) @ ca.DM(self._axis))[2] - math.cos(LARGEST_TILT)

@@ -110,8 +110,7 @@ def check_motion_name(file: str | os.PathLike[str]) -> Callable[[MotionSamples, 
 
 
 def _write_csv(samples: MotionSamples, file: Path) -> None:
-    table = np.hstack([samples.root, samples.joint_positions])
-    np.savetxt(file, table, delimiter=",", fmt="%.17g")
+    np.savetxt(file, np.hstack([samples.root, samples.joint_positions]), delimiter=",", fmt="%.17g")
 
 
 def _write_npz(samples: MotionSamples, file: Path) -> None:

@@ -221,8 +221,7 @@ class MotionProblem:
 
     def states(self, times: list[Array], coefficients: Array, share: float) -> Array:
         """Return q, v and a of all joints at times of a motion, shape `(3, moments, nv)`."""
-        count = sum(map(len, times))
-        states = np.zeros((3, count, self.task.whole.nv))
+        states = np.zeros((3, sum(map(len, times)), self.task.whole.nv))
         states[0] = self._at_rest
         for order, values in enumerate(states):
             values[:, self._moving] = self.splines.values(times, order) @ coefficients
@@ -232,8 +231,7 @@ class MotionProblem:
 
     def all_forces(self, states: Array) -> Array:
         """Return `forces` with all joints, then torques of those at rest, `(k, moments)`."""
-        forces = self._all_forces.map(states.shape[1])(*states.transpose(0, 2, 1))
-        return np.asarray(forces)
+        return np.asarray(self._all_forces.map(states.shape[1])(*states.transpose(0, 2, 1)))
 
     def _changes(self, times: list[Array], coefficients: Array, share: float) -> Array:
         """Return changes of forces by joints at rest that gave way, over their scale, at points.
@@ -287,8 +285,7 @@ class MotionProblem:
         closed, _ = self._closed.values(tree.q, [])
         rows = [(closed, 0.0, 0.0), (balance, 0.0, 0.0)]
         on_both = make_rows(tree.q, ca.SX(0, 1), rows, ca.SX(0.0))
-        lowest = np.where(free, -np.inf, lower)
-        posture = self._rest_near(near, lowest, on_both, alone=alone)
+        posture = self._rest_near(near, np.where(free, -np.inf, lower), on_both, alone=alone)
         return None if posture is None else self.feet.closed(posture)
 
     def _rest_near(
@@ -542,14 +539,12 @@ class MotionProblem:
     def _block_apart(self, conditions: Conditions) -> Block:
         """Return the rows of the conditions of two joints."""
         times, splines, n = conditions.times, self.splines, self.n
-        sides = [times[times <= 0.0], times[times > 0.0]]
-        maps = splines.values(sides, 0)
+        maps = splines.values([times[times <= 0.0], times[times > 0.0]], 0)
         if conditions.joints[1] < 0:
             at_impact = np.tile(splines.at_impact()[0], (len(maps), 1))
             maps = np.stack([maps, at_impact], axis=1).reshape(2 * len(maps), -1)
         rows = self._rows_apart(conditions.joints)
-        to_points = per_joint(maps, n, 1)
-        return Block(rows, to_points, conditions.parameters, np.zeros(len(times)))
+        return Block(rows, per_joint(maps, n, 1), conditions.parameters, np.zeros(len(times)))
 
     def _cost(self, rest: Array) -> Cost:
         """Return the jerk, the posture at both ends and the share, of the objective."""

@@ -181,8 +181,7 @@ def _plan(
 
 def _problem_of(task: KickTask, limited: Sequence[str] = ()) -> MotionProblem:
     stands = task.standing is not None
-    splines = MotionSplines(*DURATIONS[stands], INTERVALS[stands])
-    return MotionProblem(task, splines, limited)
+    return MotionProblem(task, MotionSplines(*DURATIONS[stands], INTERVALS[stands]), limited)
 
 
 def _put_aside(
@@ -199,8 +198,7 @@ def _put_aside(
     angles = limbs_aside(task, whole, postures, limbs)
     if not angles:
         return problem
-    legs = kicking_chain(whole, others=angles).leg
-    return _problem_of(replace(task, leg=legs, aside=angles))
+    return _problem_of(replace(task, leg=kicking_chain(whole, others=angles).leg, aside=angles))
 
 
 class _Search:
@@ -332,8 +330,7 @@ def _starts(problem: MotionProblem, near: _Near) -> Iterator[tuple[Array, Soluti
         hit = None if at_rest is None else problem.stand(at_rest, at_ball=True)
         if at_rest is not None and hit is not None:
             reachable = True
-            still = np.tile(hit, (splines.size, 1))
-            yield at_rest, Solution(at_rest, still, FIRST_SHARE, times)
+            yield at_rest, Solution(at_rest, np.tile(hit, (splines.size, 1)), FIRST_SHARE, times)
     if not reachable:
         does = "stand at rest" if at_rest is None else "touch the ball at rest"
         raise InvalidInput(

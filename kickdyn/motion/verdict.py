@@ -170,8 +170,7 @@ class Verdict:
         splines = problem.splines
         self.times = splines.times(*(FINER * count for count in POINTS))
         states = problem.states(self.times, solution.coefficients, solution.share)
-        joints = problem.task.whole.joint_names
-        self.margins = Margins(problem.margins, problem.limits, joints)
+        self.margins = Margins(problem.margins, problem.limits, problem.task.whole.joint_names)
         self.rows = self.margins.rows(*states)
         forces = problem.all_forces(states)[: problem.n]
         weights = np.concatenate([integration_weights(times) for times in self.times])

@@ -234,8 +234,7 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None =
         position = ball.radius if is_floating(leg) else plan.impact.ball_before.position
     with one_thread():
         target = impact_target_for(wished, after.spin, ball, contact)
-        limits = MUSCLES if plan.muscles else True
-        problem = kick_problem(leg, target, position, limits=limits)
+        problem = kick_problem(leg, target, position, limits=MUSCLES if plan.muscles else True)
         both_feet = plan.motion.shift is not None
         posture, v, outcome = _plan_motion(problem, plan.motion, both_feet=both_feet)
         impact = strike(posture, v, ball, target.contact)

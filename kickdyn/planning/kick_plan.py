@@ -337,8 +337,7 @@ def check_ground_at_impact(plan: KickPlan) -> Sequence[str]:
 
 def check_ground_of_free_ball(plan: KickPlan) -> Sequence[str]:
     """Return the same line where the ground is assumed under a ball whose height is free."""
-    placed = replace(plan, ball_is_placed=True)
-    return () if plan.ball_is_placed else check_ground_at_impact(placed)
+    return () if plan.ball_is_placed else check_ground_at_impact(replace(plan, ball_is_placed=True))
 
 
 def check_ball_overlap_in_motion(plan: KickPlan) -> Sequence[str]:

@@ -280,8 +280,7 @@ def _without_terms(
     directions = _foot_directions(variables, draw)
     heading = 0.0 if standing is not None else _heading_towards(directions, target.impulse)
     if heading:
-        rotation = pin.rpy.rpyToMatrix(0.0, 0.0, heading)
-        robot = robot.with_model(turn_body(robot.model, 0, rotation))
+        robot = robot.with_model(turn_body(robot.model, 0, pin.rpy.rpyToMatrix(0.0, 0.0, heading)))
         limb = kicking_chain(robot, branches=True)
         variables = KickVariables(limb.leg, target)
         directions = _foot_directions(variables, draw)
@@ -437,8 +436,7 @@ def _place_ball(
     draw: np.random.Generator,
 ) -> BallPosition:
     if isinstance(position, float | int):
-        centre = np.array([0.0, 0.0, position])
-        return BallPosition(variables, centre, np.array([[0.0, 0.0, 1.0]]))
+        return BallPosition(variables, np.array([0.0, 0.0, position]), np.array([[0.0, 0.0, 1.0]]))
     q = draw.uniform(variables.lower, variables.upper)
     offset = variables.point(np.append(q, np.zeros(variables.n + 1))).ball_centre - position
     beside = float(np.linalg.norm(offset - directions.T @ (directions @ offset)))

@@ -367,8 +367,7 @@ class TorqueLimit(KickTerm):
 
     def torque(self, posture: Posture, v: Array) -> Array:
         """Return the torque of the joints that move the foot, shape `(n,)` [N m]."""
-        torque = pin.rnea(self._model, self._data, posture.q, v, self._still)
-        return np.asarray(torque[self._vs])
+        return np.asarray(pin.rnea(self._model, self._data, posture.q, v, self._still)[self._vs])
 
     def use(self, point: KickPoint) -> Array:
         """Return the torques over their limits, shape `(n,)`."""

@@ -211,8 +211,7 @@ def plan_launch(
     family = LaunchFamily(problem, goal, limit, most_spin)
     if near is not None and goal.beside is None:
         sloping = goal.kind not in ("time", "speed")
-        start = _unknowns_near(near, goal)
-        solution = solve_launch(problem, goal, start, last_slopes=sloping)
+        solution = solve_launch(problem, goal, _unknowns_near(near, goal), last_slopes=sloping)
         if solution and family.is_inside(solution) and solution.is_above_ground:
             return _launch(family, goal, None, solution)
 

@@ -194,7 +194,6 @@ def _near(course: Course, wait: float) -> Callable[[float], BallState]:
     def at(t: float) -> BallState:
         inside = min(max(t, 0.0), course.duration)
         state = course.sample(inside)
-        position = state.position + (t - inside) * state.velocity
-        return BallState(position, state.velocity, state.spin)
+        return BallState(state.position + (t - inside) * state.velocity, state.velocity, state.spin)
 
     return at

@@ -299,8 +299,7 @@ def _with_distances(row: ReachRow, ball: Ball, air: Air | None) -> ReachRow:
 def _write(file: str | os.PathLike[str], settings: Any, rows: Iterable[ReachRow]) -> None:
     text = io.StringIO()
     text.write(f"# {json.dumps(settings)}\n")
-    names = list(ReachRow.__dataclass_fields__)
-    writer = csv.DictWriter(text, names, lineterminator="\n")
+    writer = csv.DictWriter(text, list(ReachRow.__dataclass_fields__), lineterminator="\n")
     writer.writeheader()
     writer.writerows(asdict(row) for row in rows)
     with replacing(file) as draft:

@@ -178,8 +178,7 @@ class Placed:
         """Return a body's pose in the world, of coal: it is asked for with many other bodies."""
         if id(body) not in self._placed:
             pose = self.poses[body.frame] * body.pose
-            transform = self._coal.Transform3s(pose.rotation, pose.translation)
-            self._placed[id(body)] = body, transform
+            self._placed[id(body)] = body, self._coal.Transform3s(pose.rotation, pose.translation)
         return self._placed[id(body)][1]
 
     def proximity(self, body: Body, other: Body) -> Proximity:

@@ -61,8 +61,7 @@ class Support(ValueEquality):
 
     def __post_init__(self) -> None:
         validation.check_type(str, frame=self.frame)
-        point = validation.flag(f"point of {self.frame}", self.point)
-        object.__setattr__(self, "point", point)
+        object.__setattr__(self, "point", validation.flag(f"point of {self.frame}", self.point))
         if self.friction is not None:
             friction = validation.number(f"friction under {self.frame}", self.friction, at_least=0)
             object.__setattr__(self, "friction", friction)

@@ -487,8 +487,7 @@ class Posture(JointSpace, ReprMixin):
 
     @cached_property
     def _with_stiff_joints_free(self) -> "Posture":
-        free = self.leg.with_stiff_joints().posture(self.q)
-        return free.with_contact_offset(self.contact_offset)
+        return self.leg.with_stiff_joints().posture(self.q).with_contact_offset(self.contact_offset)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -221,8 +221,7 @@ def _flat_on_ground(robot: Leg, support: Support) -> tuple[Any, Array]:
         if _width(others @ level.T) >= NARROW:
             rotation, corners = level, others
         elif len(corners) < 3:  # as of a body that is a point
-            number = int(model.frames[frame].parentJoint)
-            bodies = joint_bodies(robot, number)
+            bodies = joint_bodies(robot, int(model.frames[frame].parentJoint))
             reasons = [why for name in bodies if (why := find_unread(robot, name))]
             why = f" ({reasons[0]}; --package-dir names the folder of meshes)" if reasons else ""
             raise InvalidInput(

@@ -140,8 +140,7 @@ def collide_scene(scene: Scene, tol: float) -> Collision:
 
 def _arguments(scene: Scene) -> dict[str, Any]:
     arguments = {name: getattr(scene, name) for name in ("posture", "v", "ball", "contact")}
-    motion = {"ball_velocity": scene.incoming.velocity, "ball_spin": scene.incoming.spin}
-    return arguments | motion
+    return arguments | {"ball_velocity": scene.incoming.velocity, "ball_spin": scene.incoming.spin}
 
 
 def fly_scene(scene: Scene, launch: BallState, tol: float = SMALLEST_TOLERANCE) -> Flight | Course:

@@ -230,8 +230,7 @@ class Simulation(Printed):
         x, y, _ = self.end.position - plane.point
         left = float(plane.normal[1] * x - plane.normal[0] * y)
         up = float(self.end.position[2] - self.launch.position[2]) + self.start_height
-        arrives = self.status == FlightStatus.AT_PLANE
-        return score_at(left, up, scene.ball.radius, arrives=arrives)
+        return score_at(left, up, scene.ball.radius, arrives=self.status == FlightStatus.AT_PLANE)
 
     @property
     def pitch_text(self) -> str:
@@ -459,8 +458,7 @@ def measure_effects(
             sizes.append(EffectSize(effect.name, full.model_error, math.nan, "", full.seconds))
             continue
         began = time.process_time()
-        size = _measure(effect, full)
-        sizes.append(replace(size, seconds=time.process_time() - began))
+        sizes.append(replace(_measure(effect, full), seconds=time.process_time() - began))
     return sizes
 
 

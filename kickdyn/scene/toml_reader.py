@@ -41,8 +41,7 @@ def load_scene(path: str | PathLike[str]) -> Scene:
     except TypeError:
         raise InvalidInput(f"scene path is {path!r}: it must be a str or a Path") from None
     file = _named(file, source)
-    document = read_toml(file, source, SceneError)
-    faults, arguments = _read_tables(document)
+    faults, arguments = _read_tables(read_toml(file, source, SceneError))
     try:
         if not faults:
             return _scene(arguments, file.resolve().parent, printable(file.stem))

@@ -270,8 +270,7 @@ def _body(model: Any, joint: int, *, limits: bool) -> str:
     elif kind == "JointModelSpherical":
         element = f'<joint name={name} type="ball" armature="{armature!r}"/>'
     elif size == 1:
-        data = model.createData()
-        columns = pin.computeJointJacobian(model, data, pin.neutral(model), joint)
+        columns = pin.computeJointJacobian(model, model.createData(), pin.neutral(model), joint)
         axis = columns.reshape(6, model.nv)[:, index]  # a vector where nv is 1
         slides = bool(axis[:3].any())
         along = row(axis[:3] if slides else axis[3:])

@@ -139,8 +139,7 @@ class MujocoRun(ReprMixin):
         if self.path is None:
             return math.inf
         end = self.path.landing if isinstance(self.path, Flight) else self.path.rest
-        target = self.plan.target_position
-        return float(np.linalg.norm(end.position - target))
+        return float(np.linalg.norm(end.position - self.plan.target_position))
 
     @property
     def summary(self) -> str:
@@ -274,8 +273,7 @@ def run_in_mujoco(
         )  # fmt: skip
     bodies = motion.robot.model.njoints - 1
     drawn = KickNoise(0, 0, 0, 0) if seed is None else noise or KickNoise()
-    disturbance = draw(drawn, seed or 0, bodies)
-    field = MujocoField(motion, impact, standing, tuning, disturbance)
+    field = MujocoField(motion, impact, standing, tuning, draw(drawn, seed or 0, bodies))
     field.set_gains(rooted, posture.q)
     samples = _simulate(field, feed_forward=chosen is Controller.TORQUE_PD)
     return replace(_result(plan, tuning, field, samples), seed=seed)

@@ -146,8 +146,7 @@ def _mesh(lowered: dict[str, Any]) -> Any:
         return None
     match geometry["type"]:
         case "BoxGeometry":
-            sizes = [geometry[name] for name in ("width", "height", "depth")]
-            mesh = trimesh.creation.box(sizes)
+            mesh = trimesh.creation.box([geometry[name] for name in ("width", "height", "depth")])
         case "SphereGeometry":
             mesh = trimesh.creation.uv_sphere(geometry["radius"], count=[SEGMENTS, SEGMENTS])
         case "CylinderGeometry":

@@ -101,8 +101,7 @@ class StillKick:
         )
         viewer["ellipsoid"].set_object(shapes.Sphere(1.0), look)
         self.arrow_nodes: set[str] = set()
-        panel = self._draw(viewer, impact, path, caption)
-        self.page = Page(viewer, leg.name or "leg", panel)
+        self.page = Page(viewer, leg.name or "leg", self._draw(viewer, impact, path, caption))
 
     def moves(
         self, impact: Impact, path: Flight | Course | None = None, caption: str = ""
@@ -121,8 +120,7 @@ class StillKick:
 
     def _draw(self, viewer: Any, impact: Impact, path: Flight | Course, caption: str) -> str:
         """Draw all that moves, and return the panel."""
-        leg = impact.posture.leg
-        for joint, pose in enumerate(joint_poses(leg, impact.posture.q)):
+        for joint, pose in enumerate(joint_poses(impact.posture.leg, impact.posture.q)):
             viewer[f"leg/{joint}"].set_transform(pose)
         viewer["ball"].set_transform(tf.translation_matrix(impact.ball_before.position))
         viewer["ground"].set_transform(marks.level_pose(self._ground(impact), self._forward))

@@ -49,7 +49,7 @@ def downward(ball: Ball, air: Air | None) -> float:
 
 
 def is_ballistic(air: Air | None, spin: Array) -> bool:
-    """Return whether neither drag nor lift acts, so that a closed form answers."""
+    """Return whether neither drag nor lift acts, so that a closed form holds."""
     if air is None or air.density == 0.0:
         return True
     return air.drag is None and (air.lift is None or not spin.any()) and not brakes(air, spin)

@@ -1,4 +1,4 @@
-"""What the paper leaves open: coefficients of drag and lift, restitution, launch."""
+"""Quantities that the paper does not give: coefficients of drag and lift, restitution, launch."""
 
 import math
 from dataclasses import dataclass

@@ -40,7 +40,7 @@ class LaunchFamily:
 
     There is a launch for each time of flight, which Newton's method finds from a neighbour
     in time: a branch. It ends beyond a limit, or where no longer or shorter flight comes to the
-    target. Branches start from the launches that Newton's method finds from answers of the vacuum:
+    target. Branches start from the launches that Newton's method finds from those in the vacuum:
     one to which none of these leads is not found.
     """
 
@@ -53,7 +53,7 @@ class LaunchFamily:
 
     @cached_property
     def direct(self) -> list[LaunchSolution]:
-        """The goal's solutions to which Newton's method comes from the vacuum's answers, by time.
+        """The goal's solutions to which Newton's method comes from the vacuum's solutions, by time.
 
         They may be beyond the limits.
         """

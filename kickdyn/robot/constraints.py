@@ -347,7 +347,7 @@ class ConstraintProjector(ReadOnlyArrays):
         return np.asarray(whitened - self._basis.dot(self._basis.T.dot(whitened)))
 
     def impulses(self, whitened: Array) -> Array:
-        """Return the constraints' impulses that answer L^-1 times an impulse, shape `(size,)`."""
+        """Return the constraints' impulses after L^-1 times an impulse, shape `(size,)`."""
         blocked = self._basis.T.dot(whitened)
         if self.rank == len(self.rows):
             scaled = blas.dtrsv(self._factor, -blocked)

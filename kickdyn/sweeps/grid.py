@@ -70,8 +70,8 @@ class Grid:
         for name in leg.single_joints:
             with _collected(faults):
                 if mimic := drivers.get(name):
-                    angles = mimic.multiplier * axes.get(mimic.driver, still) + mimic.offset
-                    _check_range(leg, name, angles, f"moved by {mimic.driver}, which it mimics, to")
+                    moved = mimic.multiplier * axes.get(mimic.driver, still) + mimic.offset
+                    _check_range(leg, name, moved, f"moved by {mimic.driver}, which it mimics, to")
                 elif name not in postures:
                     _check_range(leg, name, still, "not named, so at")
         if faults:

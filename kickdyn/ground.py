@@ -43,8 +43,7 @@ class Surface:
     deviations: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        e = checked_restitution(self.restitution, "ground restitution")
-        self.__dict__["restitution"] = e
+        self.__dict__["restitution"] = checked_restitution(self.restitution, "ground restitution")
         validation.number("ground friction", self.friction, at_least=0)
         validation.number("rolling deceleration", self.rolling_deceleration, above=0, unit="m/s2")
         grip = self.tangential_restitution

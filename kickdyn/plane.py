@@ -82,7 +82,7 @@ class Plane(ValueEquality, ReprMixin):
 
 
 def plane_gaps(plane: Plane, ball: Ball, positions: Array) -> Array:
-    """Return what `Plane.gap` does, for positions of shape `(n, 3)`, in shape `(n,)` [m]."""
+    """Return the distances of `Plane.gap`, for positions of shape `(n, 3)`, in shape `(n,)` [m]."""
     radii = {ReachedBy.FRONT: -1.0, ReachedBy.CENTRE: 0.0, ReachedBy.BACK: 1.0}
     away = (positions - plane.point) @ plane.normal + radii[plane.reached_by] * ball.radius
     scale = np.maximum(max(ball.radius, abs(plane.point).max()), abs(positions).max(axis=-1))

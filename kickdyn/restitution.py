@@ -110,13 +110,13 @@ def _restitution_of_ball(name: str, ball: Ball) -> RestitutionOfBall:
 
 def checked_restitution(value: float | str | ArrayLike, what: str = "restitution") -> Restitution:
     """Return a restitution from outside: a float, a model's name or a table; else raise."""
-    known = ", ".join(MODELS)
+    choices = ", ".join(MODELS)
     if isinstance(value, str):
         if value in MODELS:
             return value
         raise InvalidInput(
             f"{what} is {validation.brief(value)}: it must be a finite number at least 0 and "
-            f"at most 1, a table of rows (speed [m/s], e), or a model's name: {known}"
+            f"at most 1, a table of rows (speed [m/s], e), or a model's name: {choices}"
         )
     if not hasattr(value, "__len__") or getattr(value, "ndim", 1) == 0:
         if hasattr(value, "table"):
@@ -129,7 +129,7 @@ def checked_restitution(value: float | str | ArrayLike, what: str = "restitution
     if table.ndim != 2 or table.shape[1] != 2 or not len(table):
         raise InvalidInput(
             f"{what} has shape {table.shape}: it must be a number at least 0 and at most 1, "
-            f"a table of rows (speed [m/s], e), shape (n, 2), or a model's name: {known}"
+            f"a table of rows (speed [m/s], e), shape (n, 2), or a model's name: {choices}"
         )
     for speed, e in table.tolist():
         validation.number(f"{what}'s speed", speed, at_least=0, unit="m/s")

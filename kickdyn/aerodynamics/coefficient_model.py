@@ -54,7 +54,7 @@ class CoefficientModel:
         return CoefficientModel, tuple(getattr(self, field.name) for field in fields(self))
 
     def beyond(self, reynolds: Array, spin_parameter: Array) -> NDArray[np.bool_]:
-        """Return where n of each lie outside the range this is meant for, shape `(4, n)`.
+        """Return whether n of each lie outside the range this is meant for, shape `(4, n)`.
 
         The rows are: Reynolds number below and above its range, spin parameter below and above.
         """
@@ -189,7 +189,7 @@ def smoothstep(x: float, low: float, high: float) -> float:
     if x >= high:
         return 1.0
     s = math.log(x / low) / math.log(high / low)
-    near = min(s, 1.0 - s)  # the polynomial is its own mirror image, and cancels near 1
-    square = near * near
-    value = square * square * (35.0 - 84.0 * near + 70.0 * square - 20.0 * square * near)
+    t = min(s, 1.0 - s)  # the polynomial is its own mirror image, and cancels near 1
+    square = t * t
+    value = square * square * (35.0 - 84.0 * t + 70.0 * square - 20.0 * square * t)
     return value if s < 0.5 else 1.0 - value

@@ -96,8 +96,8 @@ def without_spin(ball: SoccerBall) -> Callable[[float], float]:
     def coefficient(reynolds: float) -> float:
         v = speed * reynolds
         over = min(max(v - v_max, 0.0), 20.0)
-        near = over * (1.0 + over * (1 / 2 + over * (1 / 3 + over * (1 / 4))))
-        v = min(v, v_max) + (1.0 - math.exp(-near))  # over less its fifth power and so on
+        series = over * (1.0 + over * (1 / 2 + over * (1 / 3 + over * (1 / 4))))
+        v = min(v, v_max) + (1.0 - math.exp(-series))  # over less its fifth power and so on
         beyond = v - v_min
         crisis = (a - b_min) / (1.0 + math.exp(steep * (v - v_c)))
         return crisis + b_min + slope * beyond / (1.0 + math.exp(-steep * beyond))

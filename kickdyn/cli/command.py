@@ -33,13 +33,13 @@ class Command(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the arguments of a command line into the context."""
-        rest = super().parse_args(ctx, args)
+        remaining = super().parse_args(ctx, args)
         for param in self.params:
             value = ctx.params.get(param.name or "")
             if not ctx.resilient_parsing and "" in (value if isinstance(value, tuple) else [value]):
                 name = param.opts[0] if isinstance(param, click.Option) else param.metavar
                 raise InvalidInput(f"{name} is empty: it needs a value")
-        return rest
+        return remaining
 
 
 def check_page_name(page: str) -> None:
@@ -57,7 +57,7 @@ def check_page_name(page: str) -> None:
 
 @contextmanager
 def busy(activity: str) -> Iterator[Callable[[str], None]]:
-    """Show on standard error, while it is a terminal, what a command is doing.
+    """Show on standard error, while it is a terminal, the progress of a command.
 
     It yields a function that replaces the activity shown, such as "planning the swing".
     """
@@ -68,7 +68,7 @@ def busy(activity: str) -> Iterator[Callable[[str], None]]:
 
 
 def print_wrapped(text: str, indent: int = 8) -> None:
-    """Print a text as wide as the screen is; what continues a line is indented."""
+    """Print a text as wide as the screen is; continued lines are indented."""
     from kickdyn.core.console import screen_width, wrapped  # rich takes time to import
 
     width = screen_width()

@@ -32,11 +32,11 @@ class _Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        name, command, rest = super().resolve_command(ctx, args)
+        name, command, remaining = super().resolve_command(ctx, args)
         if name in COMMANDS:
             function = name.replace("-", "_")
             command = getattr(import_module(f"kickdyn.cli.{function}_command"), function)
-        return name, command, rest
+        return name, command, remaining
 
 
 @click.group("kickdyn", _Commands, context_settings=HELP_OPTIONS)

@@ -130,7 +130,7 @@ def measure_functions(report: Callable[[str], None] = lambda _: None) -> list[Fu
 
 
 def _seconds(run: Callable[[], object]) -> float:
-    """Return the least processor time of some calls, after one that loads what is late [s]."""
+    """Return the least processor time of some calls, after one that loads late imports [s]."""
     run()
     least, spent = math.inf, 0.0
     for _ in range(50):
@@ -144,7 +144,7 @@ def _seconds(run: Callable[[], object]) -> float:
 
 
 def _gap(answer: Any, exact: Any) -> float:
-    """Return how far an answer is from an exact one, relative to its size."""
+    """Return the distance of an answer from an exact one, relative to its size."""
     return float(np.linalg.norm(np.subtract(answer, exact)) / np.linalg.norm(exact))
 
 
@@ -253,7 +253,7 @@ def _flights() -> Iterator[Measured]:
     mixed = BallState(launch.position, velocity, spin)
     start = launch.position
     landing = fly(launch, ball, air, tol=1e-13).landing.position - start
-    rest = follow(launch, ball, air, tol=1e-13).rest.position - start
+    end = follow(launch, ball, air, tol=1e-13).rest.position - start
     yield Measured(
         "fly", lambda: fly(launch, ball, air), 1,
         lambda: _gap(fly(launch, ball, air).landing.position - start, landing), math.nan,
@@ -265,11 +265,11 @@ def _flights() -> Iterator[Measured]:
     )  # fmt: skip
     yield Measured(
         "follow", lambda: follow(launch, ball, air), 1,
-        lambda: _gap(follow(launch, ball, air).rest.position - start, rest), math.nan,
+        lambda: _gap(follow(launch, ball, air).rest.position - start, end), math.nan,
     )  # fmt: skip
     yield Measured(
         "follow_many", lambda: follow_many(mixed, ball, air), ROWS,
-        lambda: _gap(follow_many(mixed, ball, air).position.values[-1] - start, rest), math.nan,
+        lambda: _gap(follow_many(mixed, ball, air).position.values[-1] - start, end), math.nan,
         lambda: follow_many(alike, ball, air),
     )  # fmt: skip
     kicked = impact.posture, impact.v_before, ball, impact.contact

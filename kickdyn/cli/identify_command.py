@@ -1,4 +1,4 @@
-"""The command `kickdyn identify`: flights in a measured track, and what they say of the air."""
+"""The command `kickdyn identify`: flights in a measured track, and coefficients of the air."""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -206,14 +206,14 @@ def _means(fits: list[Fit]) -> dict[str, FlightMean | None]:
 
 
 def _unused(split: Segments) -> tuple[int, int]:
-    """Return how many flights are too short to fit, and the number of samples at their ends."""
+    """Return the number of flights too short to fit, and the number of samples at their ends."""
     short = sum(flight.duration < SHORTEST for flight in split.flights)
     samples = sum(len(segment) for segment in split.parts if segment.kind is SegmentKind.FLIGHT)
     return short, samples - sum(len(flight) for flight in split.flights)
 
 
 def _document(split: Segments | None, fits: list[Fit], failures: list[str]) -> dict[str, Any]:
-    """Return all numbers; what the measurement does not determine is null."""
+    """Return all numbers; those that the measurement does not determine are null."""
     flights = [
         {
             **{"first": first, "last": last, "rms": result.rms, "outliers": result.outliers},

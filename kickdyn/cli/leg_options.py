@@ -174,8 +174,8 @@ class LegOptions:
             raise
         leg = leg.with_supports(*supports).with_loops(*leg.loops, *loops)
         leg = leg.with_stiff_joints(*self.stiff_joints)
-        rest = (0.0, 0.0, 0.0)
-        leg = leg.with_base_velocity(self.base_velocity or rest, self.base_angular_velocity or rest)
+        zero = (0.0, 0.0, 0.0)
+        leg = leg.with_base_velocity(self.base_velocity or zero, self.base_angular_velocity or zero)
         warn(leg.warnings)
         return leg
 

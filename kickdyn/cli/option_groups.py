@@ -188,14 +188,14 @@ class AirOptions:
 
 def read_drag(text: str, *names: str) -> str | float:
     """Return a coefficient of drag, or the text if it is the name of a model or one of `names`."""
-    known = [*DRAG_MODELS, *names]
-    if text in known:
+    choices = [*DRAG_MODELS, *names]
+    if text in choices:
         return text
     try:
         value = float(text)
     except ValueError:
         raise InvalidInput(
-            f"--drag is {text!r}: it must be a number such as 0.25, or one of {', '.join(known)}"
+            f"--drag is {text!r}: it must be a number such as 0.25, or one of {', '.join(choices)}"
         ) from None
     return validation.number("--drag", value, **constant_limits("drag"))
 

@@ -52,7 +52,7 @@ knees are bent, by 52 degrees if it stood on that foot."""
 
 @dataclass(frozen=True)
 class GoalOptions:
-    """The target and the flight to it, and what stands in its way."""
+    """The target, the flight to it, and obstacles."""
 
     distance: float | None = option(
         "--distance", type=float, help="Distance of the target, along x [m]."
@@ -209,10 +209,10 @@ class KickOptions:
         """Return the goal, or the velocity of a trap, which excludes the options of a goal."""
         if self.trap is None:
             return goal.load()
-        given = [entry.metadata["names"][0] for entry in fields(goal) if getattr(goal, entry.name)]
-        given += ["--motion"] if self.motion else []
-        if given:
-            raise InvalidInput(f"--trap excludes {', '.join(given)}: a trap has no target")
+        chosen = [entry.metadata["names"][0] for entry in fields(goal) if getattr(goal, entry.name)]
+        chosen += ["--motion"] if self.motion else []
+        if chosen:
+            raise InvalidInput(f"--trap excludes {', '.join(chosen)}: a trap has no target")
         return self.trap
 
     def arguments(self, leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> dict[str, Any]:

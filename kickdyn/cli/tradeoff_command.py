@@ -1,4 +1,4 @@
-"""The command `kickdyn tradeoff`: error against cost, or what each effect of a scene changes."""
+"""The command `kickdyn tradeoff`: error against cost, or the change by each effect of a scene."""
 
 import dataclasses
 import math
@@ -64,11 +64,10 @@ def _compare_functions(output: PlotOptions) -> None:
     if output.prints:
         lines = [f"{'function':28}{'time [us]':>12}{'rounding':>12}{'model':>12}"]
         for row in rows:
-            errors = ("" if math.isnan(error) else f"{error:.1e}"
-                      for error in (row.rounding, row.model))  # fmt: skip
-            first, second = errors
+            rounding, model = ("" if math.isnan(error) else f"{error:.1e}"
+                               for error in (row.rounding, row.model))  # fmt: skip
             name = row.function + (" (per row)" if row.is_batch else "")
-            lines.append(f"{name:28}{1e6 * row.seconds:12.3g}{first:>12}{second:>12}".rstrip())
+            lines.append(f"{name:28}{1e6 * row.seconds:12.3g}{rounding:>12}{model:>12}".rstrip())
         lines += [
             "",
             "rounding: relative error by rounding and integration; model: by neglecting the time "
@@ -109,17 +108,17 @@ def _measure_scene(scene: str, output: PlotOptions) -> None:
             f"\n{'effect':14}{'end moves by [m]':>18}{'impulse changes by [N s]':>26}",
         ]
         for size in sizes:
-            moved, changed = (
+            end, impulse_change = (
                 "" if math.isnan(value) else f"{value:.3g}" for value in (size.end, size.impulse)
             )
-            lines.append(f"{size.effect:14}{moved:>18}{changed:>26}  {size.why_not}".rstrip())
+            lines.append(f"{size.effect:14}{end:>18}{impulse_change:>26}  {size.why_not}".rstrip())
         print_wrapped("\n".join([*lines, "", *(f"warning: {line}" for line in exact.warnings)]))
     output.name_written(output.plot)
 
 
 @styled()
 def effect_figure(title: str, sizes: Sequence[EffectSize], tolerance: float = TOLERANCE) -> Figure:
-    """Return how far neglecting each effect moves the end, as bars on a logarithmic scale.
+    """Return the displacement of the end by neglecting each effect, as logarithmic bars.
 
     A line is drawn at the tolerance [m]: half of it is there for all neglected effects.
     """
@@ -128,12 +127,12 @@ def effect_figure(title: str, sizes: Sequence[EffectSize], tolerance: float = TO
     seen = [size.end for size in sizes if size.end > LEAST_EFFECT]
     low, high = min([*seen, tolerance]) / 3.0, max([*seen, tolerance]) * 8.0
     for place, size in enumerate(sizes):
-        known = size.end > LEAST_EFFECT
-        if known:
+        measured = size.end > LEAST_EFFECT
+        if measured:
             axes.barh(place, size.end - low, left=low, color="tab:blue", height=0.65)
         text = "no answer" if size.why_not else f"below {LEAST_EFFECT:g}"
-        text = f"{size.end:.2g}" if known else text
-        axes.text(1.15 * (size.end if known else low), place, text, va="center", fontsize=8)
+        text = f"{size.end:.2g}" if measured else text
+        axes.text(1.15 * (size.end if measured else low), place, text, va="center", fontsize=8)
     axes.axvline(tolerance, color="tab:red", linestyle="--", label=f"tolerance {tolerance:g} m")
     axes.set(title=title, xlabel="neglecting it moves the end by [m]", xscale="log")
     axes.set_xlim(low, high)

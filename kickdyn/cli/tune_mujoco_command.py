@@ -68,8 +68,7 @@ class MjcfOptions(JsonOptions):
         """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""
         if self.out == "-" and not self.prints:
             raise InvalidInput("--out and --json are both -: only one of them can be stdout")
-        named = None if self.out == "-" else self.out
-        super().check(named, self.scene_out, *files, inputs=inputs)
+        super().check(None if self.out == "-" else self.out, self.scene_out, *files, inputs=inputs)
 
 
 @click.command("tune-mujoco", Command)
@@ -144,10 +143,10 @@ def find_foot(leg: Leg) -> tuple[str, ...]:
         return (frame,)
     if len(names) == 1 and names[0]:
         return (names[0],)
-    known = ", ".join(filter(None, names)) or "none with a name"
+    choices = ", ".join(filter(None, names)) or "none with a name"
     raise InvalidInput(
         f"which geom of {frame!r} strikes the ball? MuJoCo needs its name for friction: name it "
-        f"with --foot (there are {known}), or choose a contact without friction"
+        f"with --foot (there are {choices}), or choose a contact without friction"
     )
 
 

@@ -52,8 +52,7 @@ def view(
     with busy("simulating"):
         simulation = simulate_as_instant(scene)
     if moment is not None:
-        last = float(simulation.end.time)
-        validation.number("at", moment, at_least=0, at_most=last, unit="s")
+        validation.number("at", moment, at_least=0, at_most=float(simulation.end.time), unit="s")
     output.write_json(_document(simulation))
     if output.prints:
         print_wrapped(simulation.summary)

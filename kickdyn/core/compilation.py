@@ -178,8 +178,8 @@ class MachineCode:
     """A function that numba compiles when it is needed: call it to get the compiled function.
 
     Args:
-        source: function that returns the source, and imports what it needs.
-        what: what the log calls it.
+        source: function that returns the source, and does its imports.
+        what: its name in the log.
         seconds: processor time of its compilation, and of what is compiled with it, roughly [s].
     """
 

@@ -31,8 +31,8 @@ def keep_stages(solver: DOP853) -> DOP853:
 
     It takes a quarter more evaluations, and the next step overwrites the stages.
     """
-    kept = DOP853.__new__(DOP853)
-    kept.__dict__.update(solver.__dict__)
-    kept.K_extended = solver.K_extended.copy()
-    kept.K = kept.K_extended[: DOP853.n_stages + 1]
-    return kept
+    copy = DOP853.__new__(DOP853)
+    copy.__dict__.update(solver.__dict__)
+    copy.K_extended = solver.K_extended.copy()
+    copy.K = copy.K_extended[: DOP853.n_stages + 1]
+    return copy

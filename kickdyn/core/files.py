@@ -58,8 +58,7 @@ def read_text(path: str | os.PathLike[str], source: str, most: int, error: type[
     try:
         return Path(path).read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as fault:
-        line = f"is not UTF-8 text (byte {fault.start}): save it as UTF-8"
-        raise error(source, [line]) from None
+        raise error(source, [f"is not UTF-8 text (byte {fault.start}): save it as UTF-8"]) from None
     except OSError as fault:
         raise error(source, [f"cannot be read ({_reason(fault)})"]) from None
 

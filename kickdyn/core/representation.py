@@ -41,7 +41,7 @@ class ReprMixin(ReadOnlyArrays):
     """Represents an object by its `_rows`, numbers rounded to 4 digits."""
 
     def _rows(self) -> Iterable[Row]:
-        """Return what is shown, a line each; a subclass defines it."""
+        """Return the rows that are shown; a subclass defines them."""
         raise NotImplementedError
 
     def __repr__(self) -> str:

@@ -80,9 +80,9 @@ def _spread(builder: Any, value: Any) -> Any:
         return value
     kind = ir.VectorType(value.type, BATCH)
     undefined = ir.Constant(kind, ir.Undefined)
-    first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
+    single = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
     zeros = ir.Constant(ir.VectorType(ir.IntType(32), BATCH), [0] * BATCH)
-    return builder.shuffle_vector(first, undefined, zeros)
+    return builder.shuffle_vector(single, undefined, zeros)
 
 
 def _define(function: Any, operand: Any, result: Any, generate: Any, count: int = 2) -> None:
@@ -90,8 +90,8 @@ def _define(function: Any, operand: Any, result: Any, generate: Any, count: int 
     scalar = types.Float if operand is _batch else types.Boolean
 
     def result_of(*kinds: Any) -> Any:
-        known = all(kind is operand or isinstance(kind, scalar) for kind in kinds)
-        return result if known and operand in kinds else None
+        valid = all(kind is operand or isinstance(kind, scalar) for kind in kinds)
+        return result if valid and operand in kinds else None
 
     def lower(context: Any, builder: Any, called: Any, given: Any) -> Any:
         return generate(builder, *(_spread(builder, value) for value in given))

@@ -112,8 +112,8 @@ def fly_many(
     tol, time_limit = checked_launches(states, "fly", tol, time_limit)
     events = ground_event(ball, ground), *plane_events(ball, plane), *checked_ends(ends)
     launched = tuple(event.launched(states) for event in events)
-    each = 1 + 3 * validation.flag("error", error) + 40 * validation.flag("slopes", slopes)
-    in_python = len(states.position) * each * seconds_of_fly(tol)
+    runs = 1 + 3 * validation.flag("error", error) + 40 * validation.flag("slopes", slopes)
+    in_python = len(states.position) * runs * seconds_of_fly(tol)
     task = _Task(states, ball, air, launched, time_limit, MARCH.pays(in_python))
     flown = _flown(task, tol)
     outside = _outside(states, flown.nodes, np.flatnonzero(flown.evaluations), ball, air)
@@ -192,7 +192,7 @@ def carries(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return the distances back to the heights of the launches [m], and which balls land there.
 
-    Both have shape `(n,)`; `machine_code` is as of `landings`.
+    Both have shape `(n,)`; `machine_code` is that of `landings`.
     """
     ends = (ground_event(ball, None).launched(states),)
     flown = _flown(_Task(states, ball, air, ends, TIME_LIMIT, machine_code), tol)
@@ -290,8 +290,8 @@ def _errors(states: BallState, flown: _Flown, finer: Array, tol: float) -> Array
     nodes = flown.nodes
     length = np.abs(nodes[:, [1, 2, 3, 9, 10, 11]]).max(axis=1, initial=0.0)
     late = validation.length(nodes[:, 4:7]) * np.abs(finer[:, 0] - nodes[:, 0])
-    moved = np.maximum(validation.length(finer[:, 1:4] - nodes[:, 1:4]), late)
-    error = np.maximum(least_error(tol) * length, 2.0 * np.where(np.isnan(moved), math.inf, moved))
+    apart = np.maximum(validation.length(finer[:, 1:4] - nodes[:, 1:4]), late)
+    error = np.maximum(least_error(tol) * length, 2.0 * np.where(np.isnan(apart), math.inf, apart))
     error = np.where(flown.evaluations > 0, error, ROUNDING * length)
     error += ROUNDING * np.abs(states.position).max(axis=1, initial=0.0)
     return np.where(flown.status == FAILED, math.nan, error)
@@ -378,12 +378,9 @@ def _one_by_one(task: _Task, rows: NDArray[np.intp], tol: float, longest: Array 
             continue
         reached, evaluations[i] = flown.arc.reached, flown.arc.evaluations
         nodes[i] = np.concatenate([[flown.end[0]], flown.end[1], [apex[0]], apex[1]])
-        status[i] = ALOFT if reached is None else _flag_of(ends.index(reached))
+        end = -1 if reached is None else ends.index(reached)
+        status[i] = ALOFT if end < 0 else LANDED if end == 0 else FURTHER - 1 + end
     return _Flown(nodes, status, evaluations)
-
-
-def _flag_of(end: int) -> int:
-    return LANDED if end == 0 else FURTHER - 1 + end
 
 
 def _flights(
@@ -453,14 +450,14 @@ def _variables(
     states: BallState, flown: _Flown, outside: NDArray[np.bool_]
 ) -> dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]]:
     nodes, evaluations = flown.nodes, flown.evaluations
-    ended, moved, velocity = nodes[:, 0], nodes[:, 1:4], nodes[:, 4:7]
+    ended, offset, velocity = nodes[:, 0], nodes[:, 1:4], nodes[:, 4:7]
     rows: list[tuple[str, NDArray[Any], str, str]] = [
-        ("range", np.hypot(moved[:, 0], moved[:, 1]), "m", "horizontal distance to the landing"),
+        ("range", np.hypot(offset[:, 0], offset[:, 1]), "m", "horizontal distance to the landing"),
         ("duration", ended, "s", "time from launch to landing"),
         ("height", nodes[:, 11], "m", "height of the apex above the launch"),
         ("apex_time", nodes[:, 8], "s", "time from launch to apex"),
         ("apex_position", states.position + nodes[:, 9:12], "m", "centre of the ball at the apex"),
-        ("landing_position", states.position + moved, "m", "centre of the ball at the landing"),
+        ("landing_position", states.position + offset, "m", "centre of the ball at the landing"),
         ("landing_velocity", velocity, "m/s", "velocity at the landing"),
         ("landing_spin", nodes[:, 7:8] * states.spin, "rad/s", "spin at the landing"),
         ("evaluations", evaluations, "1", "evaluations of the acceleration"),

@@ -55,7 +55,7 @@ HEIGHT, SPIN_X, SPIN_Y, SPIN_Z, DECAYS = (row * LANES for row in range(5))
 
 _vector = numba.float64[::1]
 SIGNATURE: Any = numba.void(_vector, _vector, _vector)
-"""Of what `side_by_side` returns, the same for every ball and air: one integrator serves all."""
+"""Signature of `side_by_side`'s result, one for every ball and air: one integrator serves all."""
 
 _ON_DISK = 200
 """Files of equations that are kept on the disk, two for a ball and its air."""
@@ -267,16 +267,16 @@ def _from_disk(function: Callable[..., Any], callees: Callees, what: str) -> Any
     called: dict[str, Any] = {"__builtins__": builtins, "__name__": __name__}
     twin = types.FunctionType(_call.__code__, called, f"equations_{name}")
     twin.__qualname__ = twin.__name__
-    kept = name is not None and cache_folder(twin) is not None
+    cached = name is not None and cache_folder(twin) is not None
     with uncollected():
-        if kept:
+        if cached:
             with suppress(numba.TypingError, RuntimeError, OSError):  # it is not on the disk
                 return from_cache(twin, lambda: numba.njit(SIGNATURE, cache=True, **OPTIONS)(twin))
             log.info("compiling %s", what)
         for callee, arguments, callee_name in callees:
             _compile(callee, arguments, callee_name)
         called["function"] = dispatcher = _compile(function, SIGNATURE, what)
-        if kept:
+        if cached:
             with suppress(RuntimeError, OSError):  # nowhere to keep it
                 dispatcher = numba.njit(SIGNATURE, cache=True, **OPTIONS)(twin)
                 _forget(Path(dispatcher.stats.cache_path))
@@ -362,7 +362,7 @@ def _known(value: Any) -> Any:
 def fingerprint(value: Any, *more: bytes) -> str | None:
     """Return a name that two functions share only if they, and all that they call, do the same.
 
-    Code, defaults and the values of the names that a function uses count. It is None where the
+    Code, defaults and the values of the names that a function uses count. It is None if the
     function uses what has no plain value: an array, a module of someone's own, a function that is
     compiled already.
     """

@@ -206,11 +206,11 @@ def _fall(flights: Flights, ball: Ball, end: float | Plane) -> tuple[float, Stat
 
     def states(times: float | Array) -> Array:
         moments = np.atleast_1d(np.asarray(times, dtype=float))
-        moved = np.stack(
+        rows = np.stack(
             [ballistic(start[3:6], g, moments) for start, g in zip(starts, weights, strict=True)], 1
         )
-        moved[..., :3] += starts[:, :3]
-        return moved if np.ndim(times) else moved[0]
+        rows[..., :3] += starts[:, :3]
+        return rows if np.ndim(times) else rows[0]
 
     return duration, states
 
@@ -238,11 +238,11 @@ def _integrate(
         result: list[float] = []
         values = flat.tolist()
         for k, acceleration, wx, wy, wz in forces:
-            z, vx, vy, vz, left = values[k + 2 : k + 7]
+            z, vx, vy, vz, share = values[k + 2 : k + 7]
             ax, ay, az, decay = acceleration(
-                height + z, vx, vy, vz, left * wx, left * wy, left * wz
+                height + z, vx, vy, vz, share * wx, share * wy, share * wz
             )
-            result += (vx, vy, vz, ax, ay, az, -decay * left)
+            result += (vx, vy, vz, ax, ay, az, -decay * share)
         return result
 
     event, limit = None, end

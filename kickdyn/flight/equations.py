@@ -51,20 +51,20 @@ class FlightEquations:
 
     def rates(self, _: float, states: Array) -> list[float]:
         """Return the time derivative of the states, nan where a coefficient or the wind raises."""
-        _, _, z, vx, vy, vz, left = states.tolist()
+        _, _, z, vx, vy, vz, share = states.tolist()
         wx, wy, wz = self._spin
         try:
             ax, ay, az, k = self._acting(
-                self._height + z, vx, vy, vz, left * wx, left * wy, left * wz
+                self._height + z, vx, vy, vz, share * wx, share * wy, share * wz
             )
-            decay = -float(k) * left if self._brakes else 0.0
+            decay = -float(k) * share if self._brakes else 0.0
             return [vx, vy, vz, float(ax), float(ay), float(az), decay]
         except Exception as fault:  # someone's own function, perhaps only where no ball will be
             self.fault = fault
             return [vx, vy, vz, math.nan, math.nan, math.nan, math.nan if self._brakes else 0.0]
 
     def count_changing(self) -> int:
-        """Return how many of the seven states change from the launch on, at least 1."""
+        """Return the number of the seven states that change after the launch, at least 1."""
         rates = np.array(self.rates(0.0, self.begin))
         axes = (self.begin[3:6] != 0.0) | (rates[3:6] != 0.0)
         return max(2 * int(axes.sum()) + bool(self._brakes), 1)
@@ -92,9 +92,9 @@ def tolerances(
         slowed = free / drag_length(ball, air)(fastest)
         length = np.where(slowed > 0.0, free * np.log1p(slowed) / np.maximum(slowed, 1e-300), free)
         pace = np.maximum(fastest / np.sqrt(1.0 + slowed), wind)
-        near, slow = tol * np.maximum(length, drop), tol * pace
+        displacement, velocity = tol * np.maximum(length, drop), tol * pace
     # the integrators divide by atol: it is never 0, not even for a balloon that starts at rest
-    return max(tol, FINEST), np.maximum(near, 1e-300), np.maximum(slow, 1e-300)
+    return max(tol, FINEST), np.maximum(displacement, 1e-300), np.maximum(velocity, 1e-300)
 
 
 def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
@@ -108,14 +108,14 @@ def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
         return lambda speed: np.full(np.shape(speed), math.inf)
     per_speed = 2.0 * ball.radius * air.density / air.viscosity
     most = 2.0 * ball.mass / (air.density * ball.cross_section)
-    known = is_known(drag)
+    tabulated = is_known(drag)
 
     def length(speed: Array) -> Array:
         with np.errstate(divide="ignore", over="ignore"):
             decade = np.fmin(np.log10(per_speed * np.asarray(speed)), _FARTHEST)  # of nan too
             step = np.ceil(_PER_DECADE * np.maximum(decade, -_FARTHEST)).astype(int)
             first, last = int(step.min(initial=0)), int(step.max(initial=0))
-            least = _known_drag(drag, first, last) if known else _least_drag(drag, first, last)
+            least = _known_drag(drag, first, last) if tabulated else _least_drag(drag, first, last)
             return np.asarray(most / least[step - first])
 
     return length

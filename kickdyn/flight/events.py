@@ -148,7 +148,7 @@ def plane_events(ball: Ball, plane: Plane | None) -> tuple[Event, ...]:
 
 
 def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
-    """Return how far below its launch each flight ends [m], shape `()` or `(n,)`."""
+    """Return the depth of each flight's end below its launch [m], shape `()` or `(n,)`."""
     if ground is None:
         return np.zeros(position.shape[:-1])
     gap = position[..., 2] - ball.radius - ground.height

@@ -125,8 +125,8 @@ class Flight(ReprMixin):
         length = float(np.abs(np.subtract(ends, self.launch.position)).max())
         speed, grazing = math.hypot(*self.landing.velocity), 1.0
         if self.status is FlightStatus.AT_PLANE and self.plane is not None:
-            across = abs(float(self.plane.normal @ self.landing.velocity))
-            grazing = speed / max(across, 1e-300)
+            normal_speed = abs(float(self.plane.normal @ self.landing.velocity))
+            grazing = speed / max(normal_speed, 1e-300)
         rounding = ROUNDING * float(np.abs(self.launch.position).max()) * grazing
         if self.evaluations == 0:
             return rounding + ROUNDING * length * grazing
@@ -163,7 +163,7 @@ class Flight(ReprMixin):
         return path.landing if short <= tie * abs(before) else None
 
     def __reduce__(self) -> "tuple[Callable[[], Flight], tuple[()]]":
-        """Pickle what was flown; unpickling flies it again, to the same last bit."""
+        """Pickle the inputs of the flight; unpickling flies it again, to the same last bit."""
         return self._fly_again, ()
 
     def sample(self, t: ArrayLike) -> BallState:
@@ -177,13 +177,13 @@ class Flight(ReprMixin):
             t: time since the launch, from 0 to `duration`, a number or shape `(n,)` [s].
         """
         times = validation.times(t, self.duration, "the flight")
-        moved = self._trajectory(np.atleast_1d(times)).reshape(*times.shape, 7)
-        position, spin = self.launch.position + moved[..., :3], moved[..., 6:7] * self.launch.spin
-        if not (np.isfinite(moved).all() and np.isfinite(position).all()):
-            return BallState(position, moved[..., 3:6], spin, times)  # raises
+        states = self._trajectory(np.atleast_1d(times)).reshape(*times.shape, 7)
+        position, spin = self.launch.position + states[..., :3], states[..., 6:7] * self.launch.spin
+        if not (np.isfinite(states).all() and np.isfinite(position).all()):
+            return BallState(position, states[..., 3:6], spin, times)  # raises
         validation.protect(times)
         time = times if times.ndim else float(times)
-        return BallState.computed(position, moved[..., 3:6], spin, time)
+        return BallState.computed(position, states[..., 3:6], spin, time)
 
     def orientation(self, t: ArrayLike) -> Rotation:
         r"""Return the rotation of the ball since its launch, in the world frame.
@@ -197,9 +197,9 @@ class Flight(ReprMixin):
         """
         times = validation.times(t, self.duration, "the flight")
         nodes, weights = np.polynomial.legendre.leggauss(32)  # spin is far smoother than the path
-        left = self._trajectory(np.outer(times, 0.5 * (nodes + 1.0)).ravel())[:, 6]
-        turned = 0.5 * times * (left.reshape(*times.shape, len(nodes)) @ weights)
-        return Rotation.from_rotvec(turned[..., None] * self.launch.spin)
+        share = self._trajectory(np.outer(times, 0.5 * (nodes + 1.0)).ravel())[:, 6]
+        spin_time = 0.5 * times * (share.reshape(*times.shape, len(nodes)) @ weights)
+        return Rotation.from_rotvec(spin_time[..., None] * self.launch.spin)
 
 
 def refinement(tol: float, duration: Any, air: Air | None) -> tuple[float, Any]:
@@ -209,8 +209,8 @@ def refinement(tol: float, duration: Any, air: Air | None) -> tuple[float, Any]:
     wind or coefficient of the user's own may have features that are too narrow for them.
     """
     models = () if air is None else (air.drag, air.lift, air.torque)
-    known = all(model is None or is_known(model) for model in models)
-    is_unknown = air is not None and (callable(air.wind) or not known)
+    registered = all(model is None or is_known(model) for model in models)
+    is_unknown = air is not None and (callable(air.wind) or not registered)
     return max(1e-4 * tol, 5e-15), duration / 500 if is_unknown else None
 
 
@@ -269,10 +269,10 @@ def outside_ranges(
     square = np.maximum(np.einsum("ij,ij->i", through, through), 1e-300)
     along = np.einsum("ij,ij->i", through, spin)
     spin_square = np.einsum("ij,ij->i", spin, spin)
-    across = np.sqrt(np.maximum(spin_square - along * along / square, 0.0))
+    transverse = np.sqrt(np.maximum(spin_square - along * along / square, 0.0))
     speed = np.sqrt(square)
     reynolds = 2 * ball.radius * air.density / air.viscosity * speed
-    spin_parameter = ball.radius * across / speed
+    spin_parameter = ball.radius * transverse / speed
     spins = ball.radius * np.sqrt(spin_square) > 1e-9 * speed  # rounding leaves less to a plan
     return [
         (model, (spins | (model is air.drag)) & model.beyond(reynolds, spin_parameter))

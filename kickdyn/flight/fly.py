@@ -113,7 +113,7 @@ class _Task(NamedTuple):
 
 
 def _fly(task: _Task, **changes: Any) -> Flight:
-    """Return what `fly` does; `Flight.error` changes the tolerance to one that `fly` refuses."""
+    """Return the flight of `fly`; `Flight.error` takes a tolerance that `fly` refuses."""
     task = task._replace(**changes) if changes else task
     state, ball, air, ground, tol, plane, *_ = task
     events = ground_event(ball, ground), *plane_events(ball, plane), *task.ends
@@ -183,7 +183,7 @@ class FlownArc(NamedTuple):
     """An integrated flight: states are those of `FlightEquations`.
 
     Attributes:
-        arc: what `integrate` returns.
+        arc: the result of `integrate`.
         begin: states at the launch.
         end: time [s] and states at the end; on the ground by definition, not but for rounding.
     """

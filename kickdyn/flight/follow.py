@@ -61,7 +61,7 @@ class Course(ReprMixin):
         yield from warned(self.warnings)
 
     def __reduce__(self) -> "tuple[Callable[[], Course], tuple[()]]":
-        """Pickle what was followed; unpickling follows it again, to the same last bit."""
+        """Pickle the inputs of the course; unpickling follows it again, to the same last bit."""
         return self._follow_again, ()
 
     @property

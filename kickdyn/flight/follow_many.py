@@ -233,14 +233,14 @@ class _Balls:
         """Put in where balls that have become slow rest, and where others end."""
         nodes, status = rolled.nodes, rolled.status
         velocity, slow = nodes[:, 4:7] * [1.0, 1.0, 0.0], status == LANDED
-        rest = time_to_rest(velocity[:, :2], wind, self.surface.rolling_deceleration)
-        blown = (slow & (rest == math.inf)) | (status == ALOFT)
+        remaining = time_to_rest(velocity[:, :2], wind, self.surface.rolling_deceleration)
+        blown = (slow & (remaining == math.inf)) | (status == ALOFT)
         flags = np.where(
             slow, AT_REST, np.where(status == FAILED, LOST, FIRST_END - FURTHER + status)
         )
         self.status[rows] = np.where(blown, BLOWN, flags)
         rests = slow & ~blown
-        late = np.where(rests, rest, 0.0)
+        late = np.where(rests, remaining, 0.0)
         self.position[rows] += nodes[:, 1:4] * [1.0, 1.0, 0.0] + 0.5 * late[:, None] * velocity
         self.velocity[rows] = np.where(rests[:, None], 0.0, velocity)
         u, v = self.velocity[rows, 0], self.velocity[rows, 1]
@@ -250,14 +250,14 @@ class _Balls:
     def dataset(self, names: list[str]) -> xr.Dataset:
         """Return the ends as a dataset."""
         lost = self.status == LOST
-        moved = self.position - self.launch.position
+        offset = self.position - self.launch.position
         data: dict[str, Any] = {}
         for name, values, unit, meaning in (
             ("position", self.position, "m", "centre of the ball at the end"),
             ("velocity", self.velocity, "m/s", "velocity at the end"),
             ("spin", self.spin, "rad/s", "spin at the end"),
             ("duration", self.time, "s", "time from launch to end"),
-            ("distance", np.hypot(moved[:, 0], moved[:, 1]), "m", "horizontal, launch to end"),
+            ("distance", np.hypot(offset[:, 0], offset[:, 1]), "m", "horizontal, launch to end"),
         ):
             values[lost] = math.nan
             data[name] = (("flight", "axis")[: values.ndim], values,

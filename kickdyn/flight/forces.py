@@ -49,7 +49,7 @@ def downward(ball: Ball, air: Air | None) -> float:
 
 
 def is_ballistic(air: Air | None, spin: Array) -> bool:
-    """Return whether neither drag nor lift acts, so that a closed form answers."""
+    """Return whether neither drag nor lift acts, so that a closed form holds."""
     if air is None or air.density == 0.0:
         return True
     return air.drag is None and (air.lift is None or not spin.any()) and not brakes(air, spin)
@@ -143,8 +143,8 @@ def ballistic(velocity: Array, g: float, t: Array) -> Array:
     of shape `(n,)` [s], of one velocity `(3,)` or of n `(n, 3)` [m/s].
     """
     down, t = np.array([0.0, 0.0, -g]), t[:, None]
-    moved = velocity * t + 0.5 * down * (t * t)
-    return np.hstack([moved, velocity + down * t, np.ones_like(t)])
+    displacement = velocity * t + 0.5 * down * (t * t)
+    return np.hstack([displacement, velocity + down * t, np.ones_like(t)])
 
 
 def fall_to_planes(

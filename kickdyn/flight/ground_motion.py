@@ -31,7 +31,7 @@ class GroundPhase:
     Attributes:
         start, end: the ball at the start and at the end of the phase.
         kind: `slide` or `roll`.
-        reached: name of the event that ended the phase, such as `at-plane`; None where none did.
+        reached: name of the event that ended the phase, such as `at-plane`; None if none did.
         blown: whether the wind does not let it rest.
         evaluations: number of evaluations of the acceleration.
     """
@@ -122,14 +122,14 @@ class Sliding(NamedTuple):
         """Return one ball at n times `(n,)` since the start, or n balls each at its own time."""
         t = t[:, None]
         with np.errstate(over="ignore", invalid="ignore"):  # refused by BallState
-            moved = self.velocity * t - 0.5 * self.deceleration * t * t
+            displacement = self.velocity * t - 0.5 * self.deceleration * t * t
             spin = self.begin.spin + self.spin_change * t
         velocity = self.velocity - self.deceleration * t
-        return BallState(self.begin.position + moved, velocity, spin, t[:, 0])
+        return BallState(self.begin.position + displacement, velocity, spin, t[:, 0])
 
 
 def sliding_of(state: BallState, ball: Ball, air: Air | None, surface: Surface) -> Sliding:
-    r"""Return how one ball or n slide.
+    r"""Return the sliding of one ball or n.
 
     The deceleration :math:`\mu g` is constant, and lasts :math:`|u| / (\mu g (1 + m r^2 / I))` with
     the slip u; the air is left out.
@@ -143,9 +143,9 @@ def sliding_of(state: BallState, ball: Ball, air: Air | None, surface: Surface) 
     still = np.zeros_like(size)
     with np.errstate(over="ignore", invalid="ignore"):  # refused by BallState
         change = shell / ball.radius * deceleration
-        across = np.stack([-along[..., 1], along[..., 0], still], axis=-1)  # towards rolling
+        axis = np.stack([-along[..., 1], along[..., 0], still], axis=-1)  # towards rolling
         duration = np.where(slides, size / (deceleration * (1.0 + shell)), 0.0)
-        spin_change = change * across
+        spin_change = change * axis
     braking = deceleration * np.stack([along[..., 0], along[..., 1], still], axis=-1)
     level = state.velocity * [1.0, 1.0, 0.0]
     lasts = duration if duration.ndim else float(duration)
@@ -224,7 +224,7 @@ def rolling_share(ball: Ball) -> float:
 
 
 def rolling_of(state: BallState, ball: Ball, air: Air | None, surface: Surface) -> Rolling:
-    """Return how one ball or n, all at one height, roll."""
+    """Return the rolling of one ball or n, all at one height."""
     air = VACUUM if air is None or air.density == 0 else air
     acting, share = acceleration_function(ball, air), rolling_share(ball)
     height = float(np.ravel(state.position[..., 2])[0])
@@ -238,7 +238,7 @@ def rolling_of(state: BallState, ball: Ball, air: Air | None, surface: Surface) 
 
 
 def time_to_rest(velocity: Array, wind: Array, resistance: float) -> Array:
-    """Return how long slow balls still roll [s], which all forces are constant on.
+    """Return the time until slow balls rest [s], all forces on which are constant.
 
     Args:
         velocity: shape `(2,)` or `(n, 2)` [m/s].
@@ -326,18 +326,18 @@ def roll(
         arc = integrate(rates, (0.0, begin), [is_slow, *ends], time_limit, tolerance)
     slow_time, slow = arc.end, in_world(arc.state)
     duration = slow_time
-    rest = float(time_to_rest(slow[3:5], rolling.wind, resistance))
-    blown = arc.reached is None or (arc.reached is is_slow and rest == math.inf)
+    remaining = float(time_to_rest(slow[3:5], rolling.wind, resistance))
+    blown = arc.reached is None or (arc.reached is is_slow and remaining == math.inf)
     if arc.reached is is_slow and not blown:
-        duration += rest
+        duration += remaining
     rolled = trajectory(arc, begin)
 
     def states(t: Array) -> BallState:
-        moved = in_world(rolled(np.minimum(t, slow_time)))
+        columns = in_world(rolled(np.minimum(t, slow_time)))
         late = np.maximum(t - slow_time, 0.0)
-        left = 1.0 - late / max(duration - slow_time, 1e-300)  # of the speed
-        x, y = moved[:2] + 0.5 * (1.0 + left) * late * slow[3:5, None]
-        u, v = moved[3:5] * left
+        share = 1.0 - late / max(duration - slow_time, 1e-300)  # of the speed
+        x, y = columns[:2] + 0.5 * (1.0 + share) * late * slow[3:5, None]
+        u, v = columns[3:5] * share
         still = np.zeros_like(u)
         return BallState(
             state.position + np.column_stack([x, y, still]),

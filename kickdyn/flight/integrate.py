@@ -48,7 +48,7 @@ class Arc(NamedTuple):
     Attributes:
         end: time of the event or the limit [s].
         state: state at the end, shape `(m,)`.
-        reached: the event that ended the integration; None where the time limit did.
+        reached: the event that ended the integration; None if the time limit did.
         passed: the events on the way that did not end it, with functions that return time and
             state; some may be after the end.
         evaluations: number of evaluations of the rates.
@@ -185,7 +185,7 @@ class _Step:
         return self.solver.dense_output()  # type: ignore[no-any-return]
 
     def find_fall(self, event: Event) -> _Fall | None:
-        """Return where the function of an event first falls through zero; None where it does not.
+        """Return the first fall of an event's function through zero; None if there is none.
 
         A function that has the same sign at both ends may come and go within the step if it has the
         other sign at an end of the states' tangents. One that is zero at the beginning must rise
@@ -225,8 +225,8 @@ class _Step:
             return event.value(states[time].tolist())
 
         low, high = times[0], float(self.solver.t) if fall.high == 1.0 else times[1]
-        near = high - 1.0001 * (1.0 - fall.about) * self.length
-        low = near if near > low and value(near) > 0.0 else low
+        estimate = high - 1.0001 * (1.0 - fall.about) * self.length
+        low = estimate if estimate > low and value(estimate) > 0.0 else low
         above, below = value(low), value(high)
         if not above > 0.0 >= below:  # but for rounding
             return high, states[high]
@@ -244,7 +244,7 @@ def _with_tangents(
 
 
 def _fall_of_cubic(start: float, end: float, rise: float, last_rise: float) -> float:
-    """Return where a cubic falls through zero between 0 and 1, from its values and slopes there."""
+    """Return the zero between 0 and 1 through which a cubic falls, by values and slopes there."""
     square = 3.0 * (end - start) - 2.0 * rise - last_rise
     cube = rise + last_rise - 2.0 * (end - start)
 
@@ -288,9 +288,9 @@ class _Integration:
                 return Arc(end, state, reached, passed, self._evaluations, steps)
             step.check_values()
             length = min(solver.h_abs, self._time_limit - solver.t)
-            first = min((step.foresee_fall(event, length) for event in terminal), default=1.0)
-            if first < 1.0 - EVENT_MARGIN:
-                solver.h_abs = (1.0 + 0.5 * EVENT_MARGIN) * first * length
+            fraction = min((step.foresee_fall(event, length) for event in terminal), default=1.0)
+            if fraction < 1.0 - EVENT_MARGIN:
+                solver.h_abs = (1.0 + 0.5 * EVENT_MARGIN) * fraction * length
         return Arc(float(solver.t), solver.y, None, passed, self._evaluations, steps)
 
     def _step_to(self, events: Sequence[Event], solver: DOP853) -> tuple[_Step, dict[Event, _Fall]]:
@@ -302,12 +302,12 @@ class _Integration:
             step = self._take_step(solver)
             falls = {event: fall for event in self._events if (fall := step.find_fall(event))}
             possible = [event for event, fall in falls.items() if fall is POSSIBLE_FALL]
-            first = min((fall.about for event, fall in falls.items()
+            fraction = min((fall.about for event, fall in falls.items()
                          if event in events or event in possible), default=1.0)  # fmt: skip
             shortest = max(100.0 * math.ulp(step.begin), 1e-300)
-            if first >= 1.0 - EVENT_MARGIN or step.length <= shortest:
+            if fraction >= 1.0 - EVENT_MARGIN or step.length <= shortest:
                 return step, {event: falls[event] for event in falls if event not in possible}
-            length = (1.0 + 0.5 * EVENT_MARGIN) * first * step.length
+            length = (1.0 + 0.5 * EVENT_MARGIN) * fraction * step.length
             solver.t, solver.y, solver.f = step.begin, step.before, step.rates
             solver.h_abs, solver.status = max(length, shortest), "running"
 
@@ -334,8 +334,7 @@ class _Integration:
         solver.step()
         self._evaluations += solver.nfev - evaluations
         if self._evaluations > MAX_EVALUATIONS:
-            reason = f"it takes more than {MAX_EVALUATIONS} evaluations of forces"
-            raise _given_up(time, reason)
+            raise _given_up(time, f"it takes more than {MAX_EVALUATIONS} evaluations of forces")
         if solver.status == "failed":
             raise _given_up(time, "the step would be shorter than time can be resolved")
         if not math.hypot(*solver.y.tolist()) < math.inf:

@@ -54,7 +54,7 @@ inlined: Any = numba.njit(**_OPTIONS, **WITHIN, forceinline=True)
 
 
 class Flights(NamedTuple):
-    """What n flights begin with, and, from `nodes` on, what becomes of them.
+    """What n flights begin with, and, from `nodes` on, their results.
 
     Attributes:
         scene: height of the launch [m], spin (3) [rad/s], 1 where it decays or else 0; `(n, 5)`.
@@ -94,7 +94,7 @@ class Lanes(NamedTuple):
         point, value: states at an event or shortly after the launch, and the values of the events'
             functions there.
         time, step, longest: at the beginning of the step, its length, its greatest length [s].
-        error: estimated error of the step over what is tolerated.
+        error: estimated error of the step over the tolerated one.
         growth: factor of the next step that the error allows.
         taken: 1 where the step is taken as it is, else 0.
         rejected: 1 where the step before was rejected, else 0.
@@ -313,7 +313,7 @@ def _step(rates_of, lane):
 
 @inlined
 def _estimate_error(lane, rtol):
-    r"""Estimate the error of a step over what is tolerated, and the next step, as scipy does.
+    r"""Estimate the error of a step over the tolerated one, and the next step, as scipy does.
 
     :math:`h e_5^2 / \sqrt{(e_5^2 + 0.01 e_3^2) n}`, with both estimates scaled by the tolerances.
     """
@@ -495,7 +495,7 @@ def _allowed(i, h, lane, time_limit):
 
 @inlined
 def _first_event(i, h, lane):
-    """Return the first event in a step of a lane, and what is not known of events in it.
+    """Return the first event in a step of a lane, and the doubts about events in it.
 
     Returns:
         The number of the event, or `_NO_EVENT`; about which fraction of the step is left after it;
@@ -568,7 +568,7 @@ named(_march, f"march_{MAX_EVALUATIONS}", compiling, events, dop853)
 
 
 def source() -> Source:
-    """Return what the machine code of `_march` is made of."""
+    """Return the source of the machine code of `_march`."""
     vector, matrix, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
     flights = _named_tuple([*(matrix,) * 6, numba.int8[::1], integers], Flights)
     lanes = _named_tuple([*(matrix,) * 4, *(vector,) * 14, integers, integers], Lanes)

@@ -184,10 +184,9 @@ class BodyTrack(ReprMixin):
             InvalidInput: the package ezc3d is not installed, or another axis.
         """
         axis = validation.choice("up", up, Up)
-        labels, scale, rate, first, data = c3d_content(file)
-        times = (first + np.arange(data.shape[1])) / rate
-        positions = scale * data[: len(labels)].transpose(1, 0, 2)
-        return cls(times, labels, _with_z_up(positions, axis))
+        labels, scale, rate, first_frame, data = c3d_content(file)
+        times = (first_frame + np.arange(data.shape[1])) / rate
+        return cls(times, labels, _with_z_up(scale * data[: len(labels)].transpose(1, 0, 2), axis))
 
     @classmethod
     @validation.check_arguments

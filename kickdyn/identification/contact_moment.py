@@ -87,7 +87,7 @@ def contact_moment(name: str, value: float | Sequence[float] | Track) -> Moment:
 
 
 def _from_track(track: Track) -> Moment:
-    """Return when the contact begins after which a ball's velocity is another."""
+    """Return the time at which a ball's velocity changes, with its deviation [s]."""
     times = track.times
     if len(track) < 2 * LEAST_SAMPLES:
         raise InvalidInput(
@@ -96,8 +96,8 @@ def _from_track(track: Track) -> Moment:
     # the largest change of velocity over the duration of a contact gives its rough place; mean
     # velocities of several samples, so that noise alone is no change
     span = LEAST_SAMPLES - 1
-    moved, lasted = (x[span:] - x[:-span] for x in (track.positions, times))
-    means = moved / lasted[:, None]
+    displacements, lasted = (x[span:] - x[:-span] for x in (track.positions, times))
+    means = displacements / lasted[:, None]
     last = np.arange(span, len(times))  # samples at which a contact may begin
     first = np.searchsorted(times, times[last] + FLIES_AFTER)
     last, first = last[first < len(means)], first[first < len(means)]

@@ -116,11 +116,11 @@ def fit_motion(
     check_units(measured, names)
     check_side(leg, places)
     doubts = check_order(leg, places, measured)
-    first = MarkerKinematics(leg.workspace.model, list(places.values()))
-    # the lengths are first the leg's, in a few frames only
-    frames = first.solve_track(measured, spread_frames(measured))
+    unscaled = MarkerKinematics(leg.workspace.model, list(places.values()))
+    # the lengths are initially the leg's, in a few frames only
+    frames = unscaled.solve_track(measured, spread_frames(measured))
     frames = {k: frame for k, frame in frames.items() if frame.complete}
-    check_determined(leg, first, frames)
+    check_determined(leg, unscaled, frames)
     fitted, scales, at = None, {}, list(places.values())
     if scale:
         fitted = scaled_leg(leg, places, measured, frames)
@@ -150,22 +150,22 @@ def _from_angles(
     """Return the motion of a leg whose joint angles are measured."""
     model, names = leg.workspace.model, leg.single_joints
     notes: tuple[str, ...] = ()
-    given = [name for name in PELVIS if name in track.angles]
+    tracked = [name for name in PELVIS if name in track.angles]
     floats = has_floating_base(model)
-    if floats and len(given) < len(PELVIS):
+    if floats and len(tracked) < len(PELVIS):
         raise InvalidInput(
             "angles need a leg on a fixed base, because they do not place a floating one: take "
             "base='fixed', and leg.with_base_velocity for the velocity of the hip; or a track that "
-            f"also has {', '.join(name for name in PELVIS if name not in given)}"
+            f"also has {', '.join(name for name in PELVIS if name not in tracked)}"
         )
     if set(angles) != set(names) or leg.nq != len(names) + 7 * floats:
         raise InvalidInput(
             f"angles is {validation.brief(dict(angles))}: it must name one coordinate for each of "
             f"{', '.join(names)}, joints of one angle each"
         )
-    if given and not floats:
+    if tracked and not floats:
         notes = (
-            f"coordinates {', '.join(given)} of the track do not count, because the base of the "
+            f"coordinates {', '.join(tracked)} of the track do not count, because the base of the "
             "leg is fixed and upright: a leg with base='floating' takes them",
         )
     q = np.empty((len(track), leg.nq))
@@ -176,8 +176,8 @@ def _from_angles(
     for joint, coordinate in angles.items():
         name = str(coordinate).removeprefix("-")
         if name not in track.angles:
-            known = validation.brief(list(track.angles))
-            raise InvalidInput(f"angle {name!r} is not in the track: it has {known}")
+            available = validation.brief(list(track.angles))
+            raise InvalidInput(f"angle {name!r} is not in the track: it has {available}")
         sign = -1.0 if str(coordinate).startswith("-") else 1.0
         q[:, model.idx_qs[model.getJointId(joint)]] = sign * track.angles[name]
         _check_angle(track, name)
@@ -216,7 +216,7 @@ def _check_angle(track: BodyTrack, name: str) -> None:
 
 
 def _place(leg: Leg, name: str, place: Place) -> Marker:
-    """Return where a marker is on a leg, or raise `InvalidInput`."""
+    """Return the frame and the place of a marker, or raise `InvalidInput`."""
     try:
         frame, point = (place, (0.0, 0.0, 0.0)) if isinstance(place, str) else tuple(place)
     except (TypeError, ValueError):

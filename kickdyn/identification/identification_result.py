@@ -27,13 +27,13 @@ UNITS = {
     **dict.fromkeys(("back_spin", "side_spin", "gyro_spin"), "rad/s"),
     **dict.fromkeys(("elevation", "azimuth"), "rad"),
 }
-"""Units of what is sought, and of a learner's errors of aim; coefficients and factors have none."""
+"""Units of the unknowns, and of a learner's errors of aim; coefficients and factors have none."""
 
 LARGEST_DEVIATION = {
     **dict.fromkeys(("back_spin", "side_spin", "gyro_spin"), 20.0),
     **{"drag": 0.1, "drag_scale": 0.5, "lift_scale": 0.5, "wind_x": 3.0, "wind_y": 3.0},
 }
-"""Standard deviation above which a value is not given: about half of what it usually is."""
+"""Standard deviation above which a value is not given: about half of its usual value."""
 
 SMALL_SHARE = 0.05
 """Share of `LARGEST_DEVIATION` up to which a value near zero is given, as a spin to 1 rad/s."""
@@ -85,8 +85,7 @@ class Identification(ReprMixin):
         yield "samples", f"{self.used.size - self.outliers} of {self.used.size} used", ""
         yield "rms distance", self.rms, "m"
         for name, value in self.values.items():
-            number = f"{value:.4g} +- {self.deviations[name]:.2g}"
-            yield name, number, UNITS.get(name, "")
+            yield name, f"{value:.4g} +- {self.deviations[name]:.2g}", UNITS.get(name, "")
         for name, reason in self.undetermined.items():
             yield name, f"not determined: {reason}", ""
         for line in self.warnings:
@@ -144,8 +143,8 @@ class Identification(ReprMixin):
     @property
     def rms(self) -> float:
         """Root mean square distance of fit and measurement, outliers left out [m]."""
-        kept = self.residuals[self.used]
-        return math.sqrt(float((kept * kept).sum()) / max(len(kept), 1))
+        residuals = self.residuals[self.used]
+        return math.sqrt(float((residuals * residuals).sum()) / max(len(residuals), 1))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -186,19 +185,19 @@ class Identification(ReprMixin):
         from matplotlib.figure import Figure  # takes long to import
 
         figure = Figure(figsize=(9.0, 6.0))
-        side, top, rest = figure.subplots(3, 1, height_ratios=(2, 2, 1))
+        side, top, residuals = figure.subplots(3, 1, height_ratios=(2, 2, 1))
         measured, used = self.track.positions, self.used
         fitted = measured + self.residuals
-        for axes, across in ((side, 2), (top, 1)):
-            axes.plot(fitted[:, 0], fitted[:, across], color="C0")
-            axes.plot(*measured[used][:, [0, across]].T, ".", color="C1", markersize=3)
-            axes.plot(*measured[~used][:, [0, across]].T, "x", color="C3")
-        rest.plot(self.track.times, 100.0 * self.residuals, linewidth=0.8)
+        for axes, ordinate in ((side, 2), (top, 1)):
+            axes.plot(fitted[:, 0], fitted[:, ordinate], color="C0")
+            axes.plot(*measured[used][:, [0, ordinate]].T, ".", color="C1", markersize=3)
+            axes.plot(*measured[~used][:, [0, ordinate]].T, "x", color="C3")
+        residuals.plot(self.track.times, 100.0 * self.residuals, linewidth=0.8)
         side.legend(side.lines, ("fitted", "measured", "outlier, not used"))
-        rest.legend(rest.lines, ("x", "y", "z"), loc="upper left", ncols=3)
+        residuals.legend(residuals.lines, ("x", "y", "z"), loc="upper left", ncols=3)
         side.set(xlabel="x [m]", ylabel="z [m]", title="measured positions and fitted flight")
         top.set(xlabel="x [m]", ylabel="y [m]")
-        rest.set(xlabel="time [s]", ylabel="residual [cm]")
+        residuals.set(xlabel="time [s]", ylabel="residual [cm]")
         return figure
 
 
@@ -232,17 +231,17 @@ class FlightMean(NamedTuple):
 
 
 def mean_over_flights(fits: Sequence[Identification], name: str) -> FlightMean | None:
-    """Return the mean of a value over flights, None where fewer than two determine it."""
-    known = [fit for fit in fits if name in fit.values]
-    if len(known) < 2:
+    """Return the mean of a value over flights, None if fewer than two determine it."""
+    determined = [fit for fit in fits if name in fit.values]
+    if len(determined) < 2:
         return None
-    values = np.array([fit.values[name] for fit in known])
-    deviations = np.array([fit.deviations[name] for fit in known])
+    values = np.array([fit.values[name] for fit in determined])
+    deviations = np.array([fit.deviations[name] for fit in determined])
     speeds = []
-    for fit in known:
+    for fit in determined:
         steps = np.diff(fit.track.positions + fit.residuals, axis=0)
         speeds.append(float(np.linalg.norm(steps, axis=1).sum()) / fit.track.duration)
-    return FlightMean(*weighted_mean(values, deviations), len(known), min(speeds), max(speeds))
+    return FlightMean(*weighted_mean(values, deviations), len(determined), min(speeds), max(speeds))
 
 
 def covariance(slopes: Array) -> Array:

@@ -7,7 +7,7 @@ the positions of the flight that starts with them,
 
 with :math:`x` the solution of the equations of `kickdyn.flight.forces` and :math:`\sigma` the noise
 of a coordinate, estimated from the residuals. The last term says that a spin is of the order of
-:math:`\omega_0` = 100 rad/s; it decides only what the measurement leaves open. The covariance of
+:math:`\omega_0` = 100 rad/s; it decides only where the measurement does not. The covariance of
 the estimate is :math:`\sigma^2 (J^T J)^{-1}` with the derivatives :math:`J` of the residuals,
 increased where neighbouring residuals are correlated.
 """
@@ -76,7 +76,7 @@ MOST_DOUBLINGS, MOST_MINIMA = 8, 4
 
 LARGEST_FACTOR = 10.0
 """Largest size of a coefficient or factor in a fit, and of a speed over the mean speed of the
-measurement plus 10 m/s: what is no flight would lead there."""
+measurement plus 10 m/s: a track that is no flight would lead there."""
 
 
 class Free(StrEnum):
@@ -148,7 +148,7 @@ def identify(
 
 
 class _Problem(NamedTuple):
-    """A measured track and what is sought of it.
+    """A measured track and its unknowns.
 
     The unknowns are position, velocity and, if sought, spin at the first sample, in world axes,
     then coefficients and wind.
@@ -259,7 +259,7 @@ def flight_axes(velocity: Array) -> Array:
 
 
 def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
-    """Return what is sought, without repetitions, in the order of `Free`."""
+    """Return the unknowns of a fit, without repetitions, in the order of `Free`."""
     names = [free] if isinstance(free, str) else free
     chosen = {validation.choice("free", name, Free) for name in names}
     if {Free.DRAG, Free.DRAG_SCALE} <= chosen:
@@ -303,10 +303,10 @@ def _first_guess(problem: _Problem) -> Array:
     if Free.SPIN in problem.sought:
         axis = np.cross(launch[3:6], _bend(problem.track) + np.array([0.0, 0.0, GRAVITY]))
         spins = [size * axis / max(float(np.linalg.norm(axis)), 1e-300) for size in FIRST_SPINS]
-    first = {"drag": FIRST_DRAG, "drag_scale": 1.0, "lift_scale": 1.0}
+    guesses = {"drag": FIRST_DRAG, "drag_scale": 1.0, "lift_scale": 1.0}
     if Free.WIND in problem.sought:
-        first["wind_x"], first["wind_y"], _ = np.asarray(problem.air.wind).tolist()
-    of_air = [first[name] for name in problem.air_names]
+        guesses["wind_x"], guesses["wind_y"], _ = np.asarray(problem.air.wind).tolist()
+    of_air = [guesses[name] for name in problem.air_names]
     evaluate, prior = partial(problem.evaluate, COARSEST_TOL), problem.spin_rows(0.0)
     loss: dict[str, Any] = {"loss": "soft_l1", "f_scale": 3.0 * noise, "ftol": ROBUST_COST_TOL}
     starts = [np.concatenate([launch, spin, of_air]) for spin in spins]
@@ -341,13 +341,13 @@ def _polynomial(track: Track) -> tuple[Array, float]:
     """
     times = (track.times - track.times[0]) / track.duration
     degree = 2 if len(track) < 9 else 3 if len(track) < 30 else 5
-    kept = np.ones(len(track), dtype=bool)
+    inliers = np.ones(len(track), dtype=bool)
     for _ in range(4):
-        fit = polynomial.polyfit(times[kept], track.positions[kept], degree)
+        fit = polynomial.polyfit(times[inliers], track.positions[inliers], degree)
         residuals = track.positions - polynomial.polyval(times, fit).T
-        noise = max(1.4826 * float(np.median(np.abs(residuals[kept]))), 1e-12)
-        kept = np.abs(residuals).max(axis=1) < 6.0 * noise
-        if kept.sum() <= degree + 1:
+        noise = max(1.4826 * float(np.median(np.abs(residuals[inliers]))), 1e-12)
+        inliers = np.abs(residuals).max(axis=1) < 6.0 * noise
+        if inliers.sum() <= degree + 1:
             break
     return np.concatenate([fit[0], fit[1] / track.duration]), noise
 
@@ -389,9 +389,9 @@ def _minimise(
 
 
 def _result(problem: _Problem, estimate: _Estimate) -> Identification:
-    kept = estimate.residuals[estimate.used]
-    freedom = max(kept.size - estimate.unknowns.size, 1)
-    noise = math.sqrt(float(kept @ kept) / freedom)
+    residuals = estimate.residuals[estimate.used]
+    freedom = max(residuals.size - estimate.unknowns.size, 1)
+    noise = math.sqrt(float(residuals @ residuals) / freedom)
     widening = _widening(problem, estimate)
     spread = noise * widening
     rows = np.vstack([estimate.jacobian[estimate.used], problem.spin_rows(spread)])
@@ -416,7 +416,7 @@ def _result(problem: _Problem, estimate: _Estimate) -> Identification:
 def _profiled(
     problem: _Problem, estimate: _Estimate, result: Identification
 ) -> tuple[Array, Array | None]:
-    r"""Return by what the deviations grow, 1 or more, and a lower minimum if there is one.
+    r"""Return the factor on the deviations, 1 or more, and a lower minimum if there is one.
 
     The sum of squares over :math:`\sigma^2` exceeds its minimum by :math:`k^2` at k deviations of
     an unknown, with all others at their best, if it is quadratic. Where it is not, the deviation is

@@ -71,7 +71,7 @@ class InferredImpact(ReprMixin):
             without deviations of these.
         joint_deviations: standard deviations of the size of the linear impulse in each joint, by
             name [N s]; empty without deviations.
-        notes: what the measurement leaves open.
+        notes: quantities that the measurement does not determine.
     """
 
     posture: Posture
@@ -191,8 +191,7 @@ class InferredImpact(ReprMixin):
         yield "contact point", self.contact_point, "m"
         yield "approach speed", self.approach_speed, "m/s"
         # a spin that is not known leaves the residual open
-        names = ("restitution", "friction", "residual")
-        for name in names[: 2 if self.notes else 3]:
+        for name in ("restitution", "friction", "residual")[: 2 if self.notes else 3]:
             spread = f" +- {self.deviations[name]:.2g}" if name in self.deviations else ""
             yield name, f"{getattr(self, name):.4g}{spread}", ""
         sizes = self.joint_sizes
@@ -335,12 +334,12 @@ def _spins_by_friction(
     foot = posture.point_velocity(leg_response(posture, leg.v, impulse).v_after)
     separating = v_ball_after - foot + ball.radius**2 / ball.inertia * impulse
     turn = np.cross(along, separating)
-    across, normal = float(validation.length(turn)), float(along @ separating)
-    sticking = across / normal if normal > 0.0 else math.inf
+    transverse, normal = float(validation.length(turn)), float(along @ separating)
+    sticking = transverse / normal if normal > 0.0 else math.inf
     friction = min(sticking, LARGEST_FRICTION)
     used = np.array([0.0, friction - friction**2 / (2.0 * LARGEST_FRICTION), friction])
     sines = used / np.sqrt(1.0 + used**2)
-    axis = turn / across if across else turn
+    axis = turn / transverse if transverse else turn
     return np.outer(sines * ball.radius * size / ball.inertia, axis), friction
 
 
@@ -377,11 +376,11 @@ def _with_deviations(
             BallState(state.position, values[i : i + 3], values[i + 6 : i + 9])
             for i, state in ((0, ball_before), (3, ball_after))
         )
-        turn, moved = values[12 : 12 + leg.nv], posture
+        turn, displaced = values[12 : 12 + leg.nv], posture
         if turn.any():
             q = pin.integrate(leg.workspace.model, posture.q, turn)
-            moved = leg.posture(q).with_contact_offset(posture.contact_offset)
-        return _inferred(moved, ball, before, after, values[12 + leg.nv :])
+            displaced = leg.posture(q).with_contact_offset(posture.contact_offset)
+        return _inferred(displaced, ball, before, after, values[12 + leg.nv :])
 
     inferred, _ = inferred_from(measured)
     if inferred.approach_speed <= 0.0:
@@ -405,8 +404,7 @@ def _with_deviations(
     at_ends = [np.abs(values(end) - values(np.zeros(end.size))) / COVERED for end in ends]
     if at_ends:
         changes.append(np.max(at_ends, axis=0))
-    spreads = np.linalg.norm(changes, axis=0).tolist()
-    restitution, friction, residual, *others = spreads
+    restitution, friction, residual, *others = np.linalg.norm(changes, axis=0).tolist()
     deviations = {
         "restitution": restitution,
         "friction": friction,

@@ -113,7 +113,7 @@ class Learner(ReprMixin):
         friction: friction of the contact of the leg.
         ball_height: height of the ball's centre before the kick of a leg [m, world frame]; None
             leaves it free, as in `plan_kick`.
-        motion: whether the commands are kicks with their motion, as of `plan_kick`; each is planned
+        motion: whether the commands are kicks with their motion (`plan_kick`); each is planned
             from the one before.
         scatter: standard deviation of the launch from kick to kick of one command: relative for the
             speed, and for either angle of the direction [rad].
@@ -305,7 +305,7 @@ class Learner(ReprMixin):
         return replace(self._model, drag=drag, wind=np.array([theta[1], theta[2], upwards]))
 
     def _plan(self) -> None:
-        """Plan the next flight with what is known, and the command that brings it about."""
+        """Plan the next flight by the estimates, and the command that produces it."""
         air, theta = self._air(self._theta), self._theta
         self.launch = plan_launch(self.goal, self.ball, air)
         wanted, spin = self.launch.velocity, self.launch.spin
@@ -334,8 +334,8 @@ class Learner(ReprMixin):
                 motion=self._motion,
             )  # fmt: skip
         after = plan.impact.ball_after
-        turned = _aimed(after.velocity, [0.0, self._theta[4], self._theta[5]])
-        expected = BallState(after.position, turned, after.spin)
+        launch_velocity = _aimed(after.velocity, [0.0, self._theta[4], self._theta[5]])
+        expected = BallState(after.position, launch_velocity, after.spin)
         when = self.launch.time if plan.share == 1.0 else None
         path = fly_to_target(expected, self.launch.reached, self.ball, air, when)
         return replace(plan, goal=self.goal, launch=self.launch, path=path)
@@ -372,7 +372,7 @@ class Learner(ReprMixin):
     def _landing(
         self, theta: Array, error: Array, command: BallState | KickPlan
     ) -> tuple[Array, Array]:
-        """Return where and when a command comes down, `(3,)` [m, m, s], and the derivatives.
+        """Return landing point and time of a command, `(3,)` [m, m, s], and the derivatives.
 
         These have the shape `(3, 9)`: by the unknowns and by the error of the kick.
         """
@@ -418,7 +418,7 @@ class Learner(ReprMixin):
             self._last_landing = landing[:2]
 
     def _residuals(self, theta: Array, error: Array, shot: Shot) -> tuple[Array, Array]:
-        """Return how far a shot is from the model, in standard deviations, and the derivatives."""
+        """Return the residuals of a shot, in standard deviations, and the derivatives."""
         if shot.track is not None:
             times = shot.track.times
             flight = self._fly(theta, error, shot.command, float(times[-1]))
@@ -450,13 +450,13 @@ class Learner(ReprMixin):
 
 def _checked_prior(prior: Mapping[str, float] | None, restitution: float) -> Array:
     """Return the standard deviations of the unknowns before the first kick, shape `(6,)`."""
-    given = validation.mapping("prior", prior)
-    unknown = set(given) - set(PRIOR)
+    deviations = validation.mapping("prior", prior)
+    unknown = set(deviations) - set(PRIOR)
     if unknown:
         raise InvalidInput(f"prior has {sorted(unknown)}: its names are {', '.join(PRIOR)}")
     sizes = {
         name: validation.number(f"prior {name}", value, above=0, unit=UNITS.get(name, ""))
-        for name, value in {**PRIOR, **given}.items()
+        for name, value in {**PRIOR, **deviations}.items()
     }
     sizes["restitution"] /= restitution * (1.0 - restitution)  # of the logit
     return np.array(list(sizes.values()))

@@ -155,28 +155,28 @@ class LegMotion(ReprMixin):
         Raises:
             InvalidInput: no time, a time without frames shortly before it, or too few of them.
         """
-        given = self.contact if time is None else contact_moment("time", time)
-        if given is None:
+        contact = self.contact if time is None else contact_moment("time", time)
+        if contact is None:
             raise InvalidInput(
                 "time is None: it must be a time [s], because fit_motion was called without contact"
             )
-        moment = given.time
-        window = (self.times < moment - given.deviation) & (self.times >= moment - CONTACT_WINDOW)
+        moment = contact.time
+        window = (self.times < moment - contact.deviation) & (self.times >= moment - CONTACT_WINDOW)
         interval = float(np.median(np.diff(self.times)))
         complete = self.times[window & self._complete]
         longest = max(LONGEST_GAP * interval, LONGEST_UNSEEN)
-        if len(complete) < LEAST_FRAMES or moment - given.deviation - complete[-1] > longest:
+        if len(complete) < LEAST_FRAMES or moment - contact.deviation - complete[-1] > longest:
             raise InvalidInput(self._few_frames(moment, len(complete), longest))
         spline = self._smoothed(window, GROWTH)
         q, v, covariance = spline.state(moment)
-        change = given.deviation * spline.rate(moment)
+        change = contact.deviation * spline.rate(moment)
         covariance += np.outer(change, change)
         if self.fitted is not None:
             earlier = self.fitted.slopes(spline.state(moment - SHORT_TIME)[0])
             slopes = self.fitted.slopes(q)
             slopes = np.vstack([slopes, (slopes - earlier) / SHORT_TIME])
             covariance += slopes @ self.fitted.covariance @ slopes.T
-        return ContactMotion(given, self.leg.posture(q), read_only(v), read_only(covariance))
+        return ContactMotion(contact, self.leg.posture(q), read_only(v), read_only(covariance))
 
     @property
     def _complete(self) -> Any:
@@ -211,15 +211,15 @@ class LegMotion(ReprMixin):
         """
         from kickdyn.identification.leg_motion_plot import leg_motion_figure  # takes half a second
 
-        known = self.leg.single_joints
-        names = known if joints is None else list(joints)
-        if not names or not set(names) <= set(known):
-            raise InvalidInput(f"joints is {names}: it must name some of {', '.join(known)}")
-        first, last = self.times[[0, -1]].tolist()
+        available = self.leg.single_joints
+        names = available if joints is None else list(joints)
+        if not names or not set(names) <= set(available):
+            raise InvalidInput(f"joints is {names}: it must name some of {', '.join(available)}")
+        begin, end = self.times[[0, -1]].tolist()
         if self.contact is not None:
             moment = self.contact.time
-            first, last = moment - CONTACT_WINDOW, moment + AFTER_CONTACT
-        clipped = ((max(first, piece.begin), min(last, piece.end)) for piece in self._pieces)
+            begin, end = moment - CONTACT_WINDOW, moment + AFTER_CONTACT
+        clipped = ((max(begin, piece.begin), min(end, piece.end)) for piece in self._pieces)
         return leg_motion_figure(self, names, [(a, b) for a, b in clipped if a < b])
 
     @property

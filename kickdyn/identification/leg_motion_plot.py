@@ -32,8 +32,8 @@ def leg_motion_figure(
         ):
             axes.set_prop_cycle(None)
             for k, name in enumerate(joints):
-                first = axes is angles and (begin, end) == spans[0]
-                label = name.replace("$", r"\$") if first else None  # "$" begins a formula
+                labelled = axes is angles and (begin, end) == spans[0]
+                label = name.replace("$", r"\$") if labelled else None  # "$" begins a formula
                 (line,) = axes.plot(1e3 * (t - zero), values[:, k], label=label, linewidth=1.2)
                 low, high = values[:, k] - 1.96 * sigma[:, k], values[:, k] + 1.96 * sigma[:, k]
                 axes.fill_between(1e3 * (t - zero), low, high, color=line.get_color(), alpha=0.25)

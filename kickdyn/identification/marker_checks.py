@@ -85,25 +85,25 @@ def check_order(leg: Leg, places: Mapping[str, Marker], measured: Array) -> list
         tried = frames[np.linspace(0, len(frames) - 1, ORDERED_FRAMES + 2).astype(int)[1:-1]]
         misfits = sorted((_misfit(points[chosen], measured[k, chosen], stands), k) for k in tried)
         # exchanges in a few frames do not change the median
-        for (given, frame), certain in ((misfits[len(tried) // 2], True), (misfits[-1], False)):
+        for (misfit, frame), certain in ((misfits[len(tried) // 2], True), (misfits[-1], False)):
             least, share = SWAPPED if certain else DOUBTFUL
-            if given < least:
+            if misfit < least:
                 continue
             seen = measured[frame, chosen]
             best, order = min(
                 (_misfit(points[chosen], seen[list(order)], stands), order)
                 for order in _orders(len(chosen))
             )
-            if best > share * given:
+            if best > share * misfit:
                 continue
-            moved = ", ".join(repr(names[chosen[k]]) for k, at in enumerate(order) if k != at)
+            swapped = ", ".join(repr(names[chosen[k]]) for k, at in enumerate(order) if k != at)
             distances = (
-                f"in frame {frame}: they are {given:.2g} m from their places as they are named, "
+                f"in frame {frame}: they are {misfit:.2g} m from their places as they are named, "
                 f"{best:.2g} m if exchanged"
             )
             if certain:
-                raise InvalidInput(f"markers {moved} are swapped {distances}")
-            doubts.append(f"markers {moved} may be swapped {distances}")
+                raise InvalidInput(f"markers {swapped} are swapped {distances}")
+            doubts.append(f"markers {swapped} may be swapped {distances}")
     return doubts
 
 
@@ -149,10 +149,10 @@ def check_determined(
     links = {frame.parentJoint: frame.name for frame in reversed(list(model.frames))
              if frame.type == pin.FrameType.BODY}  # fmt: skip
     counts = []
-    for moved in range(1, model.njoints):
-        if model.inertias[moved].mass > 0.0:
-            seen = sum(bool(last.seen[k]) for k, parent in enumerate(marked) if parent == moved)
-            counts.append(f"{seen} on {links.get(moved, model.names[moved])}")
+    for segment in range(1, model.njoints):
+        if model.inertias[segment].mass > 0.0:
+            seen = sum(bool(last.seen[k]) for k, parent in enumerate(marked) if parent == segment)
+            counts.append(f"{seen} on {links.get(segment, model.names[segment])}")
     raise InvalidInput(
         "too few markers: those that are seen do not determine joint "
         f"{leg.joint_names[joint - 1]} in any frame; they are {', '.join(counts)}: three on each "

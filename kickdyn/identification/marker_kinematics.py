@@ -52,7 +52,7 @@ def spread_frames(measured: Array) -> list[int]:
 
 
 class SolvedFrame(NamedTuple):
-    """A frame that is solved: configuration, Jacobian of its markers and what is missed [m].
+    """A frame that is solved: configuration, Jacobian of its markers and residual [m].
 
     Where the markers do not determine the configuration, the rest of it is as in the frame before.
     """
@@ -114,19 +114,19 @@ class MarkerKinematics:
 
         The squared distance from the start counts with the weight `kept`.
         """
-        target, start, moved = measured[seen].ravel(), q, np.zeros(self.model.nv)
+        target, start, displacement = measured[seen].ravel(), q, np.zeros(self.model.nv)
         points, jacobian = self.markers(q, seen)
         missed, damping = target - points, 1e-8
         for _ in range(40):
-            gram, slope = jacobian.T @ jacobian, jacobian.T @ missed - kept * moved
+            gram, slope = jacobian.T @ jacobian, jacobian.T @ missed - kept * displacement
             step = np.linalg.solve(gram + (damping + kept) * np.eye(len(gram)), slope)
-            near = pin.integrate(self.model, q, step)
-            points, by_q = self.markers(near, seen)
+            candidate = pin.integrate(self.model, q, step)
+            points, by_q = self.markers(candidate, seen)
             error = target - points
-            further = pin.difference(self.model, start, near) if kept else moved
-            cost = missed @ missed + kept * (moved @ moved)
+            further = pin.difference(self.model, start, candidate) if kept else displacement
+            cost = missed @ missed + kept * (displacement @ displacement)
             if error @ error + kept * (further @ further) <= cost * (1.0 + 1e-12) + 1e-30:
-                q, jacobian, missed, moved = near, by_q, error, further
+                q, jacobian, missed, displacement = candidate, by_q, error, further
                 damping *= 0.1 if damping > 1e-14 else 1.0
                 if float(np.abs(step).max()) < 1e-12:
                     break
@@ -152,8 +152,8 @@ class MarkerKinematics:
                 best = self.first(measured[k], seen)
             else:
                 _, jacobian = self.markers(start, seen)
-                kept = KEPT if _rank(jacobian) < self.model.nv else 0.0
-                best = self.solve(start, measured[k], seen, kept)
+                weight = KEPT if _rank(jacobian) < self.model.nv else 0.0
+                best = self.solve(start, measured[k], seen, weight)
             if not solved and not best.complete:
                 self.last = best
                 continue
@@ -196,8 +196,8 @@ class MarkerKinematics:
             frame = self.solve(q, measured, seen)
             solved += [frame, self.solve(self._inside(frame.q), measured, seen)]
         least = min(float(frame.missed @ frame.missed) for frame in solved)
-        near = [f for f in solved if f.missed @ f.missed <= 1.001 * least + 1e-12]
-        return min(near, key=lambda f: float(np.abs(f.q - self._inside(f.q)).sum()))
+        candidates = [f for f in solved if f.missed @ f.missed <= 1.001 * least + 1e-12]
+        return min(candidates, key=lambda f: float(np.abs(f.q - self._inside(f.q)).sum()))
 
     def stack(self, frames: Mapping[int, SolvedFrame]) -> tuple[Array, Array]:
         """Return configurations and Gram matrices of frames."""
@@ -250,13 +250,13 @@ def scaled_leg(
     """
     joints, count = leg.joint_names, 3 * len(places) * bool(place_deviation)
     values = np.concatenate([np.ones(len(joints)), np.zeros(count)])  # scales and offsets
-    given, starts = values.copy(), {k: frame.q for k, frame in frames.items()}
+    nominal, starts = values.copy(), {k: frame.q for k, frame in frames.items()}
     deviations = np.repeat([SCALE_DEVIATION, place_deviation], [len(joints), count])
-    prior, scaled, moved = np.diag((MARKER_NOISE / deviations) ** 2), leg, list(places.values())
+    prior, scaled, displaced = np.diag((MARKER_NOISE / deviations) ** 2), leg, list(places.values())
     scales, offsets = values[: len(joints)], np.zeros((len(places), 3))
     for _ in range(20):
-        normal, right = prior.copy(), prior @ (given - values)
-        kinematics = MarkerKinematics(scaled.workspace.model, moved)
+        normal, right = prior.copy(), prior @ (nominal - values)
+        kinematics = MarkerKinematics(scaled.workspace.model, displaced)
         for k, start in starts.items():
             frame = kinematics.solve(start, measured[k], np.isfinite(measured[k]).all(axis=1))
             starts[k] = frame.q
@@ -264,21 +264,21 @@ def scaled_leg(
             if count:
                 by_value = np.hstack([by_value, _by_place(kinematics, frame)])
             basis = np.linalg.qr(frame.jacobian)[0]
-            across = by_value - basis @ (basis.T @ by_value)
-            normal += across.T @ across
-            right += across.T @ frame.missed
+            reduced = by_value - basis @ (basis.T @ by_value)
+            normal += reduced.T @ reduced
+            right += reduced.T @ frame.missed
         step = np.linalg.solve(normal, right)
         values += step
         scales = values[: len(joints)] = np.clip(values[: len(joints)], 0.5, 2.0)
         scaled = leg.with_model(_scaled_model(leg, scales))
         if count:
             offsets = values[len(joints) :].reshape(-1, 3)
-        moved = _scaled_places(leg, places, scales, offsets)
+        displaced = _scaled_places(leg, places, scales, offsets)
         if float(np.abs(step).max()) < (SMALL_STEP if count else 1e-13):
             break
     numbers = dict(zip(joints, scales.tolist(), strict=True))
     covariance = np.asarray(MARKER_NOISE**2 * np.linalg.inv(normal), dtype=float)
-    return FittedLeg(scaled, numbers, moved, offsets, covariance)
+    return FittedLeg(scaled, numbers, displaced, offsets, covariance)
 
 
 def place_deviation(fitted: FittedLeg, measured: Array, frames: Mapping[int, SolvedFrame]) -> float:
@@ -297,8 +297,7 @@ def place_deviation(fitted: FittedLeg, measured: Array, frames: Mapping[int, Sol
         for number, missed in zip(
             np.flatnonzero(frame.seen), frame.missed.reshape(-1, 3), strict=True
         ):
-            pose = kinematics.data.oMf[places[number].frame]
-            residuals[row, number] = pose.rotation.T @ missed
+            residuals[row, number] = kinematics.data.oMf[places[number].frame].rotation.T @ missed
     seen = np.isfinite(residuals[..., 0]).sum(axis=0)
     residuals, seen = residuals[:, seen > 1], seen[seen > 1, None]
     if (

@@ -40,9 +40,9 @@ def base_configurations(leg: Leg, coordinates: Mapping[str, Array]) -> Array:
     hip = Z_UP @ (HIP * np.array([1.0, 1.0, right])) * length / LEG_LENGTH
     origin = np.column_stack([coordinates[name] for name in TRANSLATIONS]) @ Z_UP.T
     angles = np.column_stack([coordinates[name] for name in ROTATIONS])
-    known = np.isfinite(np.hstack([origin, angles])).all(axis=1)
-    q = np.full((len(known), 7), np.nan)
-    turned = Rotation.from_euler("".join(ROTATIONS.values()), angles[known]).as_matrix()
-    for k, turn in zip(np.flatnonzero(known), Z_UP @ turned @ Z_UP.T, strict=True):
+    complete = np.isfinite(np.hstack([origin, angles])).all(axis=1)
+    q = np.full((len(complete), 7), np.nan)
+    rotations = Rotation.from_euler("".join(ROTATIONS.values()), angles[complete]).as_matrix()
+    for k, turn in zip(np.flatnonzero(complete), Z_UP @ rotations @ Z_UP.T, strict=True):
         q[k] = pin.SE3ToXYZQUAT(pin.SE3(turn, origin[k] + turn @ hip))
     return q

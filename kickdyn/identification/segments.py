@@ -162,11 +162,11 @@ def segments(
             "(--ground-height)"
         )
     noise = max(_noise(track), LEAST_NOISE)
-    kept = _without_spikes(track, noise)
-    samples = _Samples(track.times[kept], track.positions[kept], kept, noise)
+    indices = _without_spikes(track, noise)
+    samples = _Samples(track.times[indices], track.positions[indices], indices, noise)
     pieces: list[_Piece] = []
     gaps = [int(k) for k in np.flatnonzero(np.diff(samples.times) > GAP_TIME) + 1]
-    for first, last in zip([0, *gaps], [*gaps, len(kept)], strict=True):
+    for first, last in zip([0, *gaps], [*gaps, len(indices)], strict=True):
         pieces += _joined(samples, _partition(samples, first, last))
     falls = [piece.fall for piece in pieces if piece.last - piece.first >= 8]
     falling = [fall for fall in falls if fall > LEAST_FALL]
@@ -198,9 +198,9 @@ def _without_spikes(track: Track, noise: float) -> NDArray[np.intp]:
 
     The path is the parabola of two samples before and two after.
     """
-    kept = np.ones(len(track), dtype=bool)
+    inliers = np.ones(len(track), dtype=bool)
     for _ in range(2):
-        indices = np.flatnonzero(kept)
+        indices = np.flatnonzero(inliers)
         times, points = track.times[indices], track.positions[indices]
         for k in range(2, len(indices) - 2):
             neighbours = [k - 2, k - 1, k + 1, k + 2]
@@ -208,12 +208,12 @@ def _without_spikes(track: Track, noise: float) -> NDArray[np.intp]:
             fit, *_ = np.linalg.lstsq(design, points[neighbours], rcond=None)
             rough = float(np.abs(design @ fit - points[neighbours]).max())
             if np.abs(fit[2] - points[k]).max() > 10.0 * noise + 4.0 * rough:
-                kept[indices[k]] = False
-    return np.flatnonzero(kept)
+                inliers[indices[k]] = False
+    return np.flatnonzero(inliers)
 
 
 def _fitted(samples: _Samples, first: int, last: int, degree: int) -> _Piece:
-    """Return polynomials of a degree, or what the samples allow, fitted to samples."""
+    """Return polynomials of a degree, or of the highest that the samples allow, fitted to them."""
     times, points = samples.times[first:last], samples.positions[first:last]
     middle = 0.5 * float(times[0] + times[-1])
     fit = np.asarray(
@@ -331,15 +331,15 @@ def _velocity(samples: _Samples, piece: _Piece, time: float, kind: SegmentKind) 
     acceleration and its change (`ACCELERATION_DEVIATION`, `JERK_DEVIATION`) weighs as much as
     measurements of that accuracy would: a few noisy samples after a bounce do not determine them.
     """
-    known = np.array([0.0, 0.0, 0.0 if kind in ON_GROUND else -GRAVITY])
+    acceleration = np.array([0.0, 0.0, 0.0 if kind in ON_GROUND else -GRAVITY])
     times = samples.times[piece.first : piece.last] - time
     sixth_nearest = float(np.sort(np.abs(times))[min(5, len(times) - 1)])
-    near = np.abs(times) <= max(VELOCITY_WINDOW, sixth_nearest)
-    t, weight = times[near], 1.0 / samples.noise
+    within = np.abs(times) <= max(VELOCITY_WINDOW, sixth_nearest)
+    t, weight = times[within], 1.0 / samples.noise
     powers = np.column_stack([np.ones_like(t), t, t**2 / 2.0, t**3 / 6.0])
     prior = np.array([[0, 0, 1 / ACCELERATION_DEVIATION, 0], [0, 0, 0, 1 / JERK_DEVIATION]])
-    points = samples.positions[piece.first : piece.last][near]
-    wanted = np.vstack([points * weight, known / ACCELERATION_DEVIATION, np.zeros(3)])
+    points = samples.positions[piece.first : piece.last][within]
+    wanted = np.vstack([points * weight, acceleration / ACCELERATION_DEVIATION, np.zeros(3)])
     fit, *_ = np.linalg.lstsq(np.vstack([powers * weight, prior]), wanted)
     return np.asarray(fit[1])
 
@@ -409,7 +409,7 @@ def _at_bounces(
 def _rolling_deceleration(
     samples: _Samples, segments: Iterable[Segment], ball: Ball, air: Air
 ) -> Measured | None:
-    """Return the deceleration of rolling balls without that by drag [m/s2], None without any.
+    """Return the deceleration of rolling balls without the part by drag [m/s2], or None.
 
     The force of the air moves a rolling ball as if its mass were m + I / r^2.
     """

@@ -1,4 +1,4 @@
-"""The result of `segments`: the parts of a track, and what they say of the ground."""
+"""The result of `segments`: the parts of a track, and the properties of the ground."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -119,13 +119,13 @@ class Segments(Printed):
     warnings: tuple[str, ...]
 
     def __str__(self) -> str:
-        """Return a line for each part, and what the bounces and the rolling say."""
+        """Return a line for each part, and for each coefficient of the ground."""
         lines = ["kind       samples        time [s]       begins by   speed [m/s]"]
         for segment in self.parts:
-            first, last = self.track.times[[segment.first, segment.last - 1]]
+            begin, end = self.track.times[[segment.first, segment.last - 1]]
             speed = float(np.linalg.norm(segment.velocity_after))
             lines.append(
-                f"{segment.kind:9} {segment.first:5}-{segment.last:<5} {first:8.2f}-{last:<8.2f} "
+                f"{segment.kind:9} {segment.first:5}-{segment.last:<5} {begin:8.2f}-{end:<8.2f} "
                 f"{segment.begins:9} {speed:8.2f}"
             )
         for name in COEFFICIENTS:

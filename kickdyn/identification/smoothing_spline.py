@@ -74,8 +74,8 @@ class SmoothingSpline:
         self.reference = q[-1]
         x = np.array([pin.difference(model, self.reference, sample) for sample in q])
         # information by x, whose tangent space is the reference's
-        moved = np.array([pin.dIntegrate(model, self.reference, offset, pin.ARG1) for offset in x])
-        weights = moved.transpose(0, 2, 1) @ information @ moved
+        jacobians = np.array([pin.dIntegrate(model, self.reference, row, pin.ARG1) for row in x])
+        weights = jacobians.transpose(0, 2, 1) @ information @ jacobians
         least = np.eye(x.shape[1]) / LARGEST_DEVIATION**2
         variances = np.linalg.inv(weights + least).diagonal(axis1=1, axis2=2)
         penalty = self._set_basis(times, growth)
@@ -122,19 +122,19 @@ class SmoothingSpline:
         """Return q, v and the covariance of both, `(2 nv, 2 nv)`, at a time [s]."""
         rows = np.array([self.basis(t), self.basis.derivative()(t)]) @ self._turned
         x, rate = rows @ self._coefficients.T
-        moved = pin.dIntegrate(self.model, self.reference, x, pin.ARG1)
+        jacobian = pin.dIntegrate(self.model, self.reference, x, pin.ARG1)
         covariance = np.einsum("sa,jalb,tb->sjtl", rows, self._covariance, rows, optimize=True)
-        turned = np.einsum("ij,sjtl,kl->sitk", moved, covariance, moved, optimize=True)
+        transformed = np.einsum("ij,sjtl,kl->sitk", jacobian, covariance, jacobian, optimize=True)
         size = 2 * len(x)
         q = pin.integrate(self.model, self.reference, x)
-        return q, moved @ rate, turned.reshape(size, size)
+        return q, jacobian @ rate, transformed.reshape(size, size)
 
     def rate(self, t: float) -> Array:
         """Return the derivatives of q, in its tangent space, and of v by time, `(2 nv,)`."""
         rows = np.array([self.basis.derivative(i)(t) for i in (0, 1, 2)]) @ self._turned
         x, *rates = rows @ self._coefficients.T
-        moved = pin.dIntegrate(self.model, self.reference, x, pin.ARG1)
-        return np.concatenate([moved @ rate for rate in rates])
+        jacobian = pin.dIntegrate(self.model, self.reference, x, pin.ARG1)
+        return np.concatenate([jacobian @ rate for rate in rates])
 
 
 def _inverse(matrix: Array) -> Array:

@@ -226,7 +226,7 @@ class Track(ValueEquality, ReprMixin):
             InvalidInput: the package ezc3d is not installed.
         """
         source = str(file)
-        labels, scale, rate, first, data = c3d_content(file)
+        labels, scale, rate, first_frame, data = c3d_content(file)
         if marker is None and len(labels) == 1:
             marker = labels[0]
         if marker not in labels:
@@ -238,7 +238,7 @@ class Track(ValueEquality, ReprMixin):
         seen = np.isfinite(path).all(axis=1)
         if not seen.any():
             raise FaultyFile(source, [f"the marker {marker!r} is not seen in any frame"])
-        return cls((first + np.flatnonzero(seen)) / rate, path[seen])
+        return cls((first_frame + np.flatnonzero(seen)) / rate, path[seen])
 
 
 def c3d_content(file: str | PathLike[str]) -> tuple[list[str], float, float, int, Array]:
@@ -252,14 +252,14 @@ def c3d_content(file: str | PathLike[str]) -> tuple[list[str], float, float, int
             'C3D files need the package ezc3d: install it with pip install "kickdyn[c3d]"'
         )
     check_file(file, source, LARGEST_FILE, FaultyFile)
-    labels, unit, rate, first, data = _c3d_content(file, source)
+    labels, unit, rate, first_frame, data = _c3d_content(file, source)
     if unit.lower() not in METRES or not rate > 0.0:
         fault = (
             f"its unit is {unit!r} and its rate {rate:g} Hz: the unit must be one of "
             f"{', '.join(METRES)}, the rate above 0"
         )
         raise FaultyFile(source, [fault])
-    return labels, METRES[unit.lower()], rate, first, data
+    return labels, METRES[unit.lower()], rate, first_frame, data
 
 
 def _c3d_content(
@@ -281,9 +281,9 @@ def _c3d_content(
         )  # fmt: skip
         with np.load(io.BytesIO(child.stdout)) as content:
             labels, (unit,) = content["labels"].tolist(), content["unit"].tolist()
-            rate, first = float(content["rate"]), int(content["first"])
+            rate, first_frame = float(content["rate"]), int(content["first"])
             np.take(content["data"], len(labels) - 1, axis=0)  # raises: fewer points than labels
-            return labels, unit, rate, first, np.asarray(content["data"])
+            return labels, unit, rate, first_frame, np.asarray(content["data"])
     except (subprocess.SubprocessError, OSError, ValueError, LookupError, BadZipFile):
         raise FaultyFile(source, ["is not a C3D file that ezc3d can read"]) from None
 

@@ -60,7 +60,7 @@ class Approach(NamedTuple):
         )
 
     def contact_problem(self) -> ContactProblem:
-        """Return what an impact law needs; raise `InvalidInput` if nothing moves on the normal."""
+        """Return the problem for an impact law; raise `InvalidInput` if nothing moves along n."""
         posture, contact = self.posture, self.contact
         factor = posture.delassus_factor()
         if self.ball.mass == math.inf:

@@ -57,10 +57,10 @@ def vector_rows(name: str, value: ArrayLike, n: int) -> Array:
 
 def contact_frames(normals: Array) -> Array:
     """Return two tangents and the normal of n unit normals as rows, shape `(n, 3, 3)`."""
-    across = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    across = across - normals * (across * normals).sum(axis=1, keepdims=True)
-    across /= np.sqrt((across * across).sum(axis=1, keepdims=True))
-    return np.stack([np.cross(across, normals), across, normals], axis=1)
+    tangent = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    tangent = tangent - normals * (tangent * normals).sum(axis=1, keepdims=True)
+    tangent /= np.sqrt((tangent * tangent).sum(axis=1, keepdims=True))
+    return np.stack([np.cross(tangent, normals), tangent, normals], axis=1)
 
 
 @dataclass(frozen=True, eq=False)

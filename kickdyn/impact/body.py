@@ -1,4 +1,4 @@
-r"""Bodies in an impact: their shares of the Delassus matrix, and what impulses do to them.
+r"""Bodies in an impact: their shares of the Delassus matrix, and their responses to impulses.
 
 Two bodies touch at each contact. Its normal points from the first into the second, and its impulse
 is the one on the second; the first takes the opposite. The side of a body is -1 where it is the
@@ -79,8 +79,8 @@ class BallBody(Body):
         matrix = np.kron(np.diag(np.abs(self.sides)), diagonal)
         inward = [side * rotation[:, 2] for side, rotation in zip(self.sides, axes, strict=True)]
         for i, j in combinations(range(len(axes)), 2):
-            turned = inward[i].dot(inward[j]) * np.eye(3) - np.outer(inward[j], inward[i])
-            block = self.sides[i] * self.sides[j] * (along * np.eye(3) + turning * turned)
+            angular = inward[i].dot(inward[j]) * np.eye(3) - np.outer(inward[j], inward[i])
+            block = self.sides[i] * self.sides[j] * (along * np.eye(3) + turning * angular)
             rows, columns = slice(3 * i, 3 * i + 3), slice(3 * j, 3 * j + 3)
             matrix[rows, columns] = axes[i].T @ block @ axes[j]
             matrix[columns, rows] = matrix[rows, columns].T

@@ -146,8 +146,8 @@ class Collision(AfterApproach):
         """
         contact = self._motion.equations.kinematics(self._end)
         keeps = isinstance(self.force_model, ForceModel) and self.force_model.restitution < 1.0
-        left = self._left if keeps else 0.0
-        return self.contact_time + max(left, 0.0) / contact.relative[2]
+        remaining = self._left if keeps else 0.0
+        return self.contact_time + max(remaining, 0.0) / contact.relative[2]
 
     @property
     def energy_lost(self) -> float:
@@ -201,7 +201,7 @@ class Collision(AfterApproach):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines as of `Impact.warnings`, and of a ball flattened beyond `Ball.stiffness`."""
+        """The lines of `Impact.warnings`, and one for a ball flattened beyond `Ball.stiffness`."""
         lines, fraction = self.approach.warnings(), self.deflection / self.ball.radius
         if isinstance(self.force_model, InflatedForce | PatchForce):
             fraction = self.flattening / self.ball.radius
@@ -417,10 +417,10 @@ def with_drives(approach: Approach, torque: Array | Torque) -> Array | Torque:
     creep = CREEP * np.sqrt(2.0 * approach.energy() / posture.inertia.diagonal())
 
     def driven(t: float, q: Array, v: Array) -> Array:
-        given = torque(t, q, v) if callable(torque) else torque
+        applied = torque(t, q, v) if callable(torque) else torque
         behind = v_before * t - pin.difference(model, posture.q, q)
-        given = validation.vector("torque", given, leg.nv, unit="N m")
-        return np.asarray(given + stiffness * behind - friction * v / np.hypot(v, creep))
+        applied = validation.vector("torque", applied, leg.nv, unit="N m")
+        return np.asarray(applied + stiffness * behind - friction * v / np.hypot(v, creep))
 
     return driven
 
@@ -433,7 +433,7 @@ def duration(
 
 
 def _stiffness_of(model: NormalForce) -> float | Literal["pressure", "inflated"]:
-    """Return what `collide` takes for a force."""
+    """Return the stiffness, or the name of a force, as `collide` takes it."""
     if not isinstance(model, ForceModel):
         return "inflated"
     return "pressure" if model.exponent == LINEAR else model.stiffness
@@ -494,8 +494,8 @@ def _checked_patch(
             f"model is {validation.brief(model)}: it must be 'point', 'patch' or a FootPatch"
         )
     if contact_time is not None or stiffness is not None:
-        given = f"contact_time is {contact_time!r} and stiffness {stiffness!r}"
-        raise InvalidInput(f"{given}: a patch follows from the ball's pressure, give none of them")
+        both = f"contact_time is {contact_time!r} and stiffness {stiffness!r}"
+        raise InvalidInput(f"{both}: a patch follows from the ball's pressure, give none of them")
     return model if isinstance(model, FootPatch) else patch_of(approach)
 
 

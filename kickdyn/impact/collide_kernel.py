@@ -83,7 +83,7 @@ class Work(NamedTuple):
         rates: of a column at each stage of the step, and at its end, `(13, dim, BATCH)`.
         sums: axes in the world frame (9), scale of a column, and two estimates of the error.
         rows: which contact a lane has, -1 for none; -1 at first.
-        bodies, motion, inertia, state: as of `kickdyn.robot.tree_kernel`.
+        bodies, motion, inertia, state: records of `kickdyn.robot.tree_kernel`.
     """
 
     lane: Array
@@ -141,7 +141,7 @@ def _limit_step(lane, i):
 
 @inlined
 def _precision(lane, i, which, precision):
-    """Return how far beyond 0 the value that ends a phase may be.
+    """Return the accepted distance beyond 0 of the value that ends a phase.
 
     `precision` is relative. The forces change continuously there, except where points come to rest.
     """
@@ -206,7 +206,7 @@ def _begin_phase(lane, i, which):
 
 @inlined
 def _end_step(lane, i, error, relative):
-    """Return what becomes of a step of lane i.
+    """Return the outcome of a step of lane i.
 
     It is taken (-1), taken anew (-2), left to `collide` (-3), the foot reaches the centre of the
     ball (-4), or a phase ends with it: the number of the end, plus 10 where it has ended at the
@@ -351,7 +351,7 @@ named(_collide, "collide", *_CALLED)
 
 
 def source() -> Source:
-    """Return what the machine code of `_collide` is made of."""
+    """Return the source of the machine code of `_collide`."""
     import numba  # here, because it takes long to import
 
     typeof: Any = numba.typeof

@@ -112,8 +112,8 @@ def collide_many(
         v: joint velocities at first contact, shape `(n, nv)` [rad/s; m/s for prismatic joints].
         ball: one ball, or n.
         contact: one contact, or n.
-        contact_time: as of `collide` [s].
-        stiffness: as of `collide` [N/m^1.5].
+        contact_time: duration of the contact, as for `collide` [s].
+        stiffness: stiffness of the contact, as for `collide` [N/m^1.5].
         torque: constant torques at the joints, of all rows, shape `(nv,)` [N m; N if prismatic].
         ball_velocity: velocity of the balls at first contact, shape `(3,)` or `(n, 3)`
             [m/s, world frame].
@@ -158,21 +158,21 @@ def collide_many(
     if contact_time is not None:
         validation.number("contact time", contact_time, above=0, at_most=LONGEST_CONTACT, unit="s")
     shapes = *[(3,)] * 4, (leg.nq,), (leg.nv,), *[()] * 5
-    collisions, left = failed_rows(Collisions, n, *shapes), np.ones(n, bool)
+    collisions, remaining = failed_rows(Collisions, n, *shapes), np.ones(n, bool)
     options: dict[str, Any] = {"contact_time": contact_time, "stiffness": stiffness}
     kernel = None
     if not inflated and COLLIDE.pays(n * SECONDS_OF_COLLIDE):
         kernel = _Kernel.of(leg, torques)
     if kernel is not None:
-        for first in range(0, n, CHUNK):
-            rows = slice(first, min(first + CHUNK, n))
+        for start in range(0, n, CHUNK):
+            rows = slice(start, min(start + CHUNK, n))
             bodies = (
                 balls[rows] if len(balls) > 1 else balls,
                 contacts[rows] if len(contacts) > 1 else contacts,
             )
             motion = angles[rows], speeds[rows], velocity[rows], spin[rows]
-            left[rows] = kernel.collide(collisions, rows, motion, bodies, options, tol)
-    for i in np.flatnonzero(left).tolist():
+            remaining[rows] = kernel.collide(collisions, rows, motion, bodies, options, tol)
+    for i in np.flatnonzero(remaining).tolist():
         try:
             given = leg.posture(angles[i]), speeds[i], balls[i % len(balls)]
             single = collide(
@@ -252,7 +252,7 @@ class _Kernel:
 
     @classmethod
     def of(cls, leg: Leg, torque: Array) -> "_Kernel | None":
-        """Return the kernel of a leg, or None where there is none."""
+        """Return the kernel of a leg, or None if there is none."""
         from kickdyn.robot.tree_kernel import hinges_and_slides
 
         joints = hinges_and_slides(leg)
@@ -269,29 +269,29 @@ class _Kernel:
 
         (q, v, velocity, spin), (balls, contacts), nv = motion, bodies, self._leg.nv
         n = len(q)
-        given = self._given(q, v, velocity, spin, balls, contacts)
-        begin = self._begin(given)
-        speed, mass = begin.speed, 1.0 / (begin.inverse_mass + given[INVERSE_MASS])
+        inputs = self._given(q, v, velocity, spin, balls, contacts)
+        begin = self._begin(inputs)
+        speed, mass = begin.speed, 1.0 / (begin.inverse_mass + inputs[INVERSE_MASS])
         parting = begin.sound & (speed < -LEAST_SPEED) & (speed > -FASTEST)
         ready = begin.sound & (speed > LEAST_SPEED)
         with np.errstate(all="ignore"):
-            self._choose(given, begin, speed, mass, (balls, contacts), options, tol, ready)
+            self._choose(inputs, begin, speed, mass, (balls, contacts), options, tol, ready)
         chosen = np.flatnonzero(ready)
         answer = np.empty((RESULT + self._dim, len(chosen)))
-        table = given if len(chosen) == n else np.ascontiguousarray(given[:, chosen])
+        table = inputs if len(chosen) == n else np.ascontiguousarray(inputs[:, chosen])
         COLLIDE()(*self._given_leg, table, answer, self._work, tol)
         through, exact = answer[0] == 3.0, (answer[0] < 2.0) & np.isfinite(answer).all(axis=0)
         failed, chosen, answer = chosen[through], chosen[exact], answer[:, exact]
         column, place = answer[RESULT:], np.arange(rows.start, rows.stop)[chosen]
-        moved, speeds, ball = column[:nv].T, column[nv : 2 * nv].T, column[2 * nv :]
-        mass_of_ball = 1.0 / given[INVERSE_MASS, chosen][:, None]
+        change, speeds, ball = column[:nv].T, column[nv : 2 * nv].T, column[2 * nv :]
+        mass_of_ball = 1.0 / inputs[INVERSE_MASS, chosen][:, None]
         fallen = answer[1][:, None] * np.array(self._leg.model.gravity.linear)
         energy = 0.5 * (mass * speed * speed)[chosen]
-        position = self._first + given[CENTRE : CENTRE + 3, chosen].T + ball[:3].T
+        position = self._first + inputs[CENTRE : CENTRE + 3, chosen].T + ball[:3].T
         after = ball[3:6].T.copy()
         put_rows(
             collisions, place, mass_of_ball * (after - velocity[chosen] - fallen), after,
-            ball[6:9].T, position, q[chosen] + self._senses * moved, self._senses * speeds,
+            ball[6:9].T, position, q[chosen] + self._senses * change, self._senses * speeds,
             answer[1], answer[2], speed[chosen], ball[9], np.abs(answer[3]) / energy,
             np.where(answer[0] == 1.0, StrikeStatus.STICKS.flag, StrikeStatus.SLIPS.flag),
         )  # fmt: skip
@@ -349,7 +349,7 @@ class _Kernel:
         self, q: Array, v: Array, velocity: Array, spin: Array, balls: list[Ball],
         contacts: list[Contact],
     ) -> Array:  # fmt: skip
-        """Return what is known before the first contact is computed, as `_begin` takes it."""
+        """Return the inputs before the first contact is computed, as `_begin` takes them."""
         from kickdyn.impact.collide_equations import (
             ARM,
             AXES,
@@ -361,27 +361,27 @@ class _Kernel:
         )  # fmt: skip
 
         leg, nv, n = self._leg, self._leg.nv, len(q)
-        given = np.zeros((self._lane_rows + self._dim, n))
+        inputs = np.zeros((self._lane_rows + self._dim, n))
         frames = contact_frames(np.array([contact.normal for contact in contacts]))
-        given[AXES : AXES + 9] = frames.reshape(-1, 9).T
+        inputs[AXES : AXES + 9] = frames.reshape(-1, 9).T
         frame = leg.workspace.model.frames[leg.frame_id].placement
         offsets = np.array([(0.0, 0.0, 0.0) if contact.offset is None else contact.offset
                             for contact in contacts])  # fmt: skip
         levers = leg.contact_lever + offsets @ frame.rotation.T
-        given[ARM : ARM + 3] = self._foot_axes.T @ levers.T
-        given[INVERSE_MASS] = [1.0 / ball.mass for ball in balls]
-        given[INVERSE_INERTIA] = [1.0 / ball.inertia for ball in balls]
-        given[RADIUS] = [ball.radius for ball in balls]
-        given[FRICTION] = [contact.friction for contact in contacts]
-        given[START : START + nv] = (self._senses * q).T
-        first = self._lane_rows
-        given[first + nv : first + 2 * nv] = (self._senses * v).T
-        given[first + 2 * nv + 3 : first + 2 * nv + 6] = velocity.T
-        given[first + 2 * nv + 6 : first + 2 * nv + 9] = spin.T
-        return given
+        inputs[ARM : ARM + 3] = self._foot_axes.T @ levers.T
+        inputs[INVERSE_MASS] = [1.0 / ball.mass for ball in balls]
+        inputs[INVERSE_INERTIA] = [1.0 / ball.inertia for ball in balls]
+        inputs[RADIUS] = [ball.radius for ball in balls]
+        inputs[FRICTION] = [contact.friction for contact in contacts]
+        inputs[START : START + nv] = (self._senses * q).T
+        row = self._lane_rows
+        inputs[row + nv : row + 2 * nv] = (self._senses * v).T
+        inputs[row + 2 * nv + 3 : row + 2 * nv + 6] = velocity.T
+        inputs[row + 2 * nv + 6 : row + 2 * nv + 9] = spin.T
+        return inputs
 
     def _choose(
-        self, given: Array, begin: _Beginning, speed: Array, mass: Array,
+        self, inputs: Array, begin: _Beginning, speed: Array, mass: Array,
         bodies: tuple[list[Ball], list[Contact]], options: dict[str, Any], tol: float,
         ready: NDArray[np.bool_],
     ) -> None:  # fmt: skip
@@ -406,19 +406,19 @@ class _Kernel:
             stiffness = stiffness * np.ones(n)
             time = spring_time(stiffness, restitution, exponent, mass, speed)
         ready &= (restitution >= 0.01) & np.isfinite(stiffness) & (time >= LEAST_TIME)
-        given[rows.STIFFNESS], given[rows.SHARE] = stiffness, restitution**2
-        given[rows.EXPONENT], given[rows.RATE] = exponent, STABILIZATION_RATE / time
+        inputs[rows.STIFFNESS], inputs[rows.SHARE] = stiffness, restitution**2
+        inputs[rows.EXPONENT], inputs[rows.RATE] = exponent, STABILIZATION_RATE / time
         resting = RESTING * tol * speed
-        given[rows.RESTING], given[rows.SPEED], given[rows.EXPECTED] = resting, speed, time
-        given[rows.FIRST] = time * min(FIRST_STEP * tol ** (2 / 7), 0.3)
+        inputs[rows.RESTING], inputs[rows.SPEED], inputs[rows.EXPECTED] = resting, speed, time
+        inputs[rows.FIRST] = time * min(FIRST_STEP * tol ** (2 / 7), 0.3)
         energy = 0.5 * mass * speed * speed
-        given[rows.ENERGY] = energy
-        first = self._lane_rows + 2 * nv + 6
-        spin = np.abs(given[first : first + 3]).max(axis=0)
-        given[rows.SPIN] = np.where(spin > 0.0, spin, speed / given[rows.RADIUS])
+        inputs[rows.ENERGY] = energy
+        row = self._lane_rows + 2 * nv + 6
+        spin = np.abs(inputs[row : row + 3]).max(axis=0)
+        inputs[rows.SPIN] = np.where(spin > 0.0, spin, speed / inputs[rows.RADIUS])
         sliding = np.hypot(*begin.sliding)
         slips = sliding > 2.0 * resting
-        given[rows.KIND] = np.where(slips, Friction.SLIPS.value, Friction.STARTS.value)
-        given[rows.ALONG : rows.ALONG + 2] = np.where(slips, begin.sliding / sliding, 0.0)
-        first = rows.START + nv
-        given[first : first + nv] = np.sqrt(2.0 * energy / begin.inertia)
+        inputs[rows.KIND] = np.where(slips, Friction.SLIPS.value, Friction.STARTS.value)
+        inputs[rows.ALONG : rows.ALONG + 2] = np.where(slips, begin.sliding / sliding, 0.0)
+        row = rows.START + nv
+        inputs[row : row + nv] = np.sqrt(2.0 * energy / begin.inertia)

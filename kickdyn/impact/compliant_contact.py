@@ -63,7 +63,7 @@ class Phase(NamedTuple):
 
     Attributes:
         largest: largest deflection so far, 0 while it grows [m].
-        friction: what friction does.
+        friction: state of the friction.
         along: direction of the sliding at the beginning of the phase, in the plane of the foot.
     """
 
@@ -101,7 +101,7 @@ class Evaluation(NamedTuple):
         rates: derivative of the column.
         force: on the ball [N, world frame].
         deflection: of ball and foot [m].
-        ends: what falls to 0 where the phase ends: by the deflection, and by the friction.
+        ends: values that are 0 where the phase ends, by the deflection and by the friction.
         sliding: sliding velocity of the ball over the foot, in the contact's axes [m/s].
     """
 
@@ -183,8 +183,8 @@ class CompliantContact:
     def state(self, y: Array) -> State:
         """Return a column unpacked."""
         nv = self.leg.nv
-        moved = y[:nv]
-        q = self.q + moved if self.leg.nq == nv else pin.integrate(self.model, self.q, moved)
+        change = y[:nv]
+        q = self.q + change if self.leg.nq == nv else pin.integrate(self.model, self.q, change)
         ball = y[2 * nv :]
         lost, work = ball[9:11].tolist()
         return State(q, y[nv : 2 * nv], ball[:3], ball[3:9].reshape(2, 3), lost, work)
@@ -210,14 +210,14 @@ class CompliantContact:
         return np.asarray(self._axes @ self.kinematics(state).point)
 
     def end_of(self, k: int, t: float, y: Array, phase: Phase) -> float:
-        """Return what falls to 0 where the deflection (0) or the friction (1) ends a phase."""
+        """Return the value that is 0 where the deflection (0) or the friction (1) ends a phase."""
         if k == 1 and phase.friction is not Friction.SLIPS:
             return self.evaluate(t, y, phase).ends[1]
         contact = self.kinematics(self.state(y))
         return self.slip_end(contact, phase) if k == 1 else self.deflection_end(contact, phase)
 
     def slip_end(self, contact: Kinematics, phase: Phase) -> float:
-        """Return what falls to 0 where points no longer slide in about their first direction."""
+        """Return the value that is 0 where points stop sliding in about their first direction."""
         w1, w2, _ = contact.relative
         return slip_end(phase.along, w1, w2, self.resting)
 
@@ -238,7 +238,7 @@ class CompliantContact:
         return self.force_model.deflection(self.ball.radius - contact.height)
 
     def deflection_end(self, contact: Kinematics, phase: Phase) -> float:
-        """Return what falls to 0 where the deflection ends a phase."""
+        """Return the value that falls to 0 where the deflection ends a phase."""
         if phase.largest == 0.0:  # it grows
             return min(-contact.relative[2], contact.height)
         deflection = self.deflection(contact)
@@ -376,7 +376,7 @@ class CompliantContact:
     def _friction(
         self, contact: Kinematics, phase: Phase, size: float, acting: Array, response: Array
     ) -> tuple[float, float, float]:
-        """Return Coulomb's friction on the ball [N], and what falls to 0 as it changes its kind."""
+        """Return Coulomb's friction on the ball [N], and a value that is 0 as its kind changes."""
         largest = self.approach.contact.friction * size
         if self.approach.contact.friction == 0.0:
             return 0.0, 0.0, math.inf
@@ -395,11 +395,11 @@ class CompliantContact:
         mobility = g11 + turning, g12, g22 + turning
         free = b1 + g13 * size - a1, b2 + g23 * size - a2
         s1, s2 = sticking_force(mobility, free, STABILIZATION_RATE / self.expected, w1, w2)
-        left = largest - math.hypot(s1, s2)
+        reserve = largest - math.hypot(s1, s2)
         if phase.friction is Friction.STICKS:
-            return s1, s2, left
+            return s1, s2, reserve
         slowest = STARTING * self.approach.speed + 3.0 * self.resting
-        margin = min(slowest - math.hypot(w1, w2), -left)
+        margin = min(slowest - math.hypot(w1, w2), -reserve)
         g11, g12, g22 = mobility
         d1, d2, _ = slip_direction(largest * g11, largest * g12, largest * g22, *free)
         return largest * d1, largest * d2, margin
@@ -416,12 +416,12 @@ class CompliantContact:
         """Return the phase after the end of one, or after none."""
         at_rest = Phase(largest, Friction.STICKS, (0.0, 0.0))
         evaluation = self.evaluate(t, y, at_rest)
-        (w1, w2), (_, left) = evaluation.sliding, evaluation.ends
+        (w1, w2), (_, reserve) = evaluation.sliding, evaluation.ends
         speed = math.hypot(w1, w2)
-        moves = slides(speed, self.resting, ended is Friction.SLIPS, left)
+        moves = slides(speed, self.resting, ended is Friction.SLIPS, reserve)
         if ended is not Friction.STICKS and moves:
             return Phase(largest, Friction.SLIPS, (w1 / speed, w2 / speed))
-        starts = ended is Friction.STICKS or (ended is not Friction.STARTS and left < 0.0)
+        starts = ended is Friction.STICKS or (ended is not Friction.STARTS and reserve < 0.0)
         return at_rest._replace(friction=Friction.STARTS) if starts else at_rest
 
     def impulse(self, t: float, y: Array) -> Array:
@@ -441,8 +441,7 @@ class CompliantContact:
         """Return kinetic and potential energy of leg and ball [J]."""
         ball = self.ball
         # Not computeKineticEnergy, which omits the rotor of the first joint.
-        inertia = pin.crba(self.model, self.data, state.q)
-        leg = 0.5 * float(state.v @ inertia @ state.v)
+        leg = 0.5 * float(state.v @ pin.crba(self.model, self.data, state.q) @ state.v)
         leg += float(pin.computePotentialEnergy(self.model, self.data, state.q))
         speed, spin = state.motion
         turning = ball.inertia if ball.inertia < math.inf else 0.0  # nothing turns a particle

@@ -54,7 +54,7 @@ def solve_cones(delassus: Array, free: Array, frictions: Array) -> tuple[Array, 
 
 
 def cone_residual(delassus: Array, free: Array, frictions: Array, impulses: Array) -> float:
-    r"""Return how far impulses are from a solution; inf if they are not finite.
+    r"""Return the distance of impulses from a solution; inf if they are not finite.
 
     At a solution, for any r, s > 0 (Alart & Curnier 1991),
 
@@ -75,8 +75,8 @@ def _mobilities(delassus: Array) -> Array:
     """Return the largest of each contact's own block, across and along the normal, `(k, 2)`."""
     blocks = delassus.reshape(-1, 3, len(delassus) // 3, 3)
     diagonal = np.array([blocks[i, :, i] for i in range(len(blocks))])
-    across = np.linalg.eigvalsh(diagonal[:, :2, :2])[:, 1]
-    mobilities = np.column_stack([across, diagonal[:, 2, 2]])
+    tangential = np.linalg.eigvalsh(diagonal[:, :2, :2])[:, 1]
+    mobilities = np.column_stack([tangential, diagonal[:, 2, 2]])
     return np.asarray(np.maximum(mobilities, 1e-14 * mobilities.max()))  # they divide, thus not 0
 
 

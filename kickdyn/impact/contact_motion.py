@@ -125,7 +125,7 @@ def slipping_force(
 
 
 def slip_end(along: tuple[float, float], w1: float, w2: float, resting: float) -> float:
-    """Return what falls to 0 where points no longer slide in about their first direction."""
+    """Return the value that is 0 where points stop sliding in about their first direction."""
     forward = along[0] * w1 + along[1] * w2
     return forward - max(resting, 0.5 * math.sqrt(w1 * w1 + w2 * w2))
 

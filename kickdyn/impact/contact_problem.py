@@ -139,7 +139,7 @@ def solution_in_world(
 
 @dataclass(frozen=True)
 class ImpactLaw:
-    """An impact law and what it can do; functions refuse a law that they cannot serve.
+    """An impact law and its abilities; functions refuse a law that they cannot serve.
 
     Attributes:
         name: the argument `law` of `kickdyn.strike`.

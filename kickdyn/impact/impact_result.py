@@ -42,7 +42,7 @@ class Impact(AfterApproach):
         approach: leg and ball just before the impact.
         law: name of the impact law.
         solution: the impulse that the law returned.
-        response: response of the leg, where it was computed together with the impulse; None where
+        response: response of the leg, where it was computed together with the impulse; None if
             it follows from the impulse.
     """
 
@@ -300,8 +300,7 @@ class Impact(AfterApproach):
             >>> round(spread.joints["knee"].force_deviation, 3)  # [N s]
             0.046
         """
-        names = self.posture.leg.joint_names
-        joints = dict(zip(names, self.joint_impulses, strict=True))
+        joints = dict(zip(self.posture.leg.joint_names, self.joint_impulses, strict=True))
         projectors = axis_projectors(self.posture)
         nominal = Nominal(self.impulse, self.ball_after.velocity, joints, projectors)
         return uncertainty(self.sensitivity(), nominal, spread)

@@ -172,7 +172,7 @@ class _Contact:
     def _root(
         self, states: Any, phase: Phase, k: int, start: float, end: float, precision: float
     ) -> float:
-        """Return where the deflection (0) or the friction (1) ends a phase within a step.
+        """Return the time at which deflection (0) or friction (1) ends a phase within a step [s].
 
         It is the beginning of the step only where the phase has ended there.
         """

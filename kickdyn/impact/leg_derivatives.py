@@ -66,8 +66,8 @@ def leg_derivatives(
         _velocity_by_q(posture, foot, jacobians[0], velocity)[LINEAR] for velocity in (v, v_after)
     )
     if posture.leg.base_velocity is not None:
-        turned = pin.skew(posture.leg.base_velocity[3:]) @ posture.jacobian
-        before, after = before + turned, after + turned
+        transport = pin.skew(posture.leg.base_velocity[3:]) @ posture.jacobian
+        before, after = before + transport, after + transport
     change = _constraint_change(free, v, admissible)
     before = before + posture.jacobian @ change
     change_after = change + _constraint_change(posture, jump, inverse @ posture.inertia)
@@ -97,7 +97,7 @@ def mass_derivatives(posture: Posture, jump: Array) -> Array:
 
 
 class ResponseSlopes(NamedTuple):
-    """Derivatives of what determines the joint impulses, n columns."""
+    """Derivatives of the terms of the joint impulses, n columns."""
 
     jump: Array  # of the velocity jump, `(nv, n)`
     impulse: Array  # of the impulse on the ball, `(3, n)`
@@ -205,10 +205,9 @@ class _Tree:
 
     def wrench_at(self, load: Load) -> Array:
         """Return the map of a load's wrench to one about the contact point, shape `(6, 6)`."""
-        moved = np.eye(6)
-        pose = self.poses[load.joint]
-        moved[ANGULAR, LINEAR] = pin.skew(pose.act(load.lever))
-        return moved
+        transform = np.eye(6)
+        transform[ANGULAR, LINEAR] = pin.skew(self.poses[load.joint].act(load.lever))
+        return transform
 
     def moving_load(self, load: Load, q_slopes: Array) -> Array:
         """Return the derivative of a load that stays as it is while its point moves, `(6, n)`."""
@@ -228,8 +227,8 @@ class _Tree:
             pose = self.poses[joint]
             wrench = pose.toDualActionMatrix() @ transmitted[joint - 1]
             on = np.flatnonzero(self.moves[joint])
-            turned = np.array([self.turns[m].T @ wrench for m in on]).T @ q_slopes[on]
-            answer[joint - 1] = pose.toActionMatrix().T @ (sums[joint] + turned)
+            rotated = np.array([self.turns[m].T @ wrench for m in on]).T @ q_slopes[on]
+            answer[joint - 1] = pose.toActionMatrix().T @ (sums[joint] + rotated)
             sums[self.parents[joint]] += sums[joint]
         return answer
 

@@ -114,7 +114,7 @@ def constraint_loads(posture: Posture, impulses: Array) -> list[tuple[slice, Loa
 def joint_impulses(
     posture: Posture, jump: Array, impulse: Array, constraint_impulses: Array
 ) -> tuple[Array, Array]:
-    """Return what each joint transmits when an impulse acts on the foot, by Newton-Euler.
+    """Return the impulses that joints transmit when one acts on the foot, by Newton-Euler.
 
     The jump of the joint velocity, `(nv,)` [rad/s], takes the place of the acceleration; gravity
     and velocity are 0. The impulse acts at the contact point, `(3,)` [N s, world frame]. The first
@@ -176,7 +176,7 @@ class Footing(StrEnum):
 
 
 def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> Footing:
-    """Return how a support moves that the impact takes for fixed.
+    """Return the `Footing` of a support, which the impact takes for fixed.
 
     The impulse alone presses the foot down: an impact is too short for weight. The foot stands if
     the impulse is a sum of impulses in the friction cones of the corners of its sole. The impulse
@@ -207,8 +207,8 @@ def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> 
     if support.friction is None:
         return Footing.STANDS
     angles = np.linspace(0.0, 2.0 * np.pi, CONE_EDGES, endpoint=False)[:, None]
-    across = support.friction / np.cos(np.pi / CONE_EDGES)  # the pyramid is around the cone
-    fx, fy = across * np.cos(angles), across * np.sin(angles)
+    coefficient = support.friction / np.cos(np.pi / CONE_EDGES)  # the pyramid is around the cone
+    fx, fy = coefficient * np.cos(angles), coefficient * np.sin(angles)
     edges = np.broadcast_arrays(fx, fy, *pressing, x * fy - y * fx)
     cones = np.reshape(edges, (6, -1))
     return Footing.STANDS if nnls(cones, wrench)[1] <= tolerance else Footing.TURNS

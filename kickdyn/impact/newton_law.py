@@ -74,8 +74,8 @@ def solve_newton(problem: ContactProblem) -> Solution:
     else:  # G may be singular. The limit of heavier balls is the least impulse, if there is any.
         free = before * (1.0, 1.0, 1.0 + e)
         least = -np.linalg.pinv(matrix, rcond=SINGULAR, hermitian=True).dot(free)
-        left = length(matrix.dot(least) + free) > SINGULAR * length(free)
-        stick = (math.inf, 0.0, 0.0) if left else tuple(least.tolist())
+        unbalanced = length(matrix.dot(least) + free) > SINGULAR * length(free)
+        stick = (math.inf, 0.0, 0.0) if unbalanced else tuple(least.tolist())
     if math.hypot(stick[0], stick[1]) <= mu * stick[2]:
         lost = energy_lost(stick, u, (0.0, 0.0), e)
         return solution_in_world(axes, np.array(stick), (True,), lost)
@@ -117,7 +117,7 @@ def solve_newton_at_several(problem: ContactProblem) -> Solution:
 def stick_impulse(
     g: Matrix, u: Triple, e: float
 ) -> tuple[Triple, tuple[float, float], tuple[float, float]]:
-    r"""Return the impulse after which the points stick, what friction answers the normal, pivots.
+    r"""Return the impulse after which the points stick, friction by the normal impulse, pivots.
 
     The impulse [N s] solves :math:`G p = -(u_1, u_2, (1 + e)\, u_3)` in Cholesky's order, because
     Cramer's rule would lose digits twice. A normal impulse 1 alone needs the second pair as
@@ -154,8 +154,8 @@ def slip_impulse(
     -inf.
 
     Args:
-        g: as for `stick_impulse`.
-        u: as for `stick_impulse`.
+        g: entries of G, with the normal last [1/kg].
+        u: relative velocity before the impact [m/s].
         e: restitution.
         mu: friction, above 0.
         directions: pairs (c, s) of about unit length; pairs of zeros are passed over.
@@ -203,7 +203,7 @@ def slip_impulse(
 
 
 def slip_conic(g: Matrix, u: Triple, e: float, mu: float) -> Conic:
-    r"""Return where friction and sliding are parallel, over directions (c, s) of the friction.
+    r"""Return the conic of parallel friction and sliding, over directions (c, s) of friction.
 
     With the impulse :math:`p\, (\mu c, \mu s, 1)`, and p from the normal row, they are parallel
     where the unit circle meets the conic
@@ -214,8 +214,8 @@ def slip_conic(g: Matrix, u: Triple, e: float, mu: float) -> Conic:
     cosine and sine of b.
 
     Args:
-        g: as for `stick_impulse`.
-        u: as for `stick_impulse`.
+        g: entries of G, with the normal last [1/kg].
+        u: relative velocity before the impact [m/s].
         e: restitution.
         mu: friction, above 0.
     """

@@ -74,8 +74,7 @@ class FootPatch:
         if not (isinstance(self.width, float) and self.width == math.inf):
             values["width"] = validation.number("patch width", self.width, above=0, unit="m")
         if self.across is not None:
-            across = validation.direction("patch direction", self.across)
-            values["across"] = tuple(across.tolist())
+            values["across"] = tuple(validation.direction("patch direction", self.across).tolist())
         self.__dict__.update(values)
 
 
@@ -91,21 +90,21 @@ def patch_of(approach: Approach) -> FootPatch:
             f"model is 'patch': the contact frame {leg.frame} is not a surface of the foot "
             f"({', '.join(surfaces)}): kick_with(leg, surface), or give model=FootPatch(width)"
         )
-    across = _across(approach.contact.normal, None)
+    sideways = _across(approach.contact.normal, None)
     beside = posture.contact_point - leg.posture(posture.q).with_contact_offset(None).contact_point
     size = surfaces[leg.frame].size
     assert size is not None  # of a surface that was derived
-    return FootPatch(float(size[0]), float(across @ beside))
+    return FootPatch(float(size[0]), float(sideways @ beside))
 
 
 def _across(normal: Array, direction: ArrayLike | None) -> Array:
     """Return the unit vector across the strip."""
-    given = np.cross((0.0, 0.0, 1.0), normal) if direction is None else np.asarray(direction)
-    if direction is None and math.hypot(*given) < 1e-6:
-        given = np.array([0.0, 1.0, 0.0])
-    along = given - (given @ normal) * normal
+    chosen = np.cross((0.0, 0.0, 1.0), normal) if direction is None else np.asarray(direction)
+    if direction is None and math.hypot(*chosen) < 1e-6:
+        chosen = np.array([0.0, 1.0, 0.0])
+    along = chosen - (chosen @ normal) * normal
     if math.hypot(*along) < 1e-6:
-        raise InvalidInput(f"patch direction is {given.tolist()}: it must not be the normal")
+        raise InvalidInput(f"patch direction is {chosen.tolist()}: it must not be the normal")
     return np.asarray(along / math.hypot(*along))
 
 
@@ -172,7 +171,7 @@ class PatchForce:
     """What the forces of a patch follow from.
 
     Attributes:
-        ball: pressure, and what the shell loses.
+        ball: pressure, and loss of the shell.
         half: half the width of the strip [m].
         shear: tangential stiffness of the patch over its area [N/m3].
     """
@@ -254,7 +253,7 @@ class PatchContact(CompliantContact):
         return phase._replace(along=(low, high))
 
     def _edge_margins(self, contact: Kinematics, phase: Phase) -> tuple[float, float]:
-        """Return what falls to 0 where the rim of the disc crosses an edge of the strip.
+        """Return the values that are 0 where the rim of the disc crosses an edge of the strip.
 
         The forces are smooth between. `Phase.along` is 1 for an edge that cuts the disc, else -1.
         """
@@ -267,7 +266,7 @@ class PatchContact(CompliantContact):
         )
 
     def slip_end(self, contact: Kinematics, phase: Phase) -> float:
-        """Return what falls to 0 where the rim of the disc crosses an edge of the strip."""
+        """Return the value that is 0 where the rim of the disc crosses an edge of the strip."""
         return min(self._edge_margins(contact, phase))
 
     def _beside(self, contact: Kinematics) -> float:
@@ -275,7 +274,7 @@ class PatchContact(CompliantContact):
         return float(self._offset + contact.point[0] - self._arm[0])
 
     def overlap(self, contact: Kinematics) -> Overlap:
-        """Return what of the ball is pressed out."""
+        """Return the overlap of ball and strip."""
         radius, beside = self.ball.radius, self._beside(contact)
         return overlap(radius - contact.height, beside, radius, self.patch_force.half)
 
@@ -291,7 +290,7 @@ class PatchContact(CompliantContact):
         return self.ball.radius * (1.0 + 2.0 * math.cos((2.0 * math.pi - turn) / 3.0))
 
     def flattened(self, y: Array) -> float:
-        """Return how far the plane of the strip is inside the sphere [m]."""
+        """Return the depth of the plane of the strip in the sphere [m]."""
         return self.ball.radius - self.kinematics(self.state(y)).height
 
     def _growth(self, contact: Kinematics, shape: Overlap) -> float:
@@ -307,7 +306,7 @@ class PatchContact(CompliantContact):
         return contact.relative[0] + contact.height * (ball_spin[1] - spin[1])
 
     def deflection_end(self, contact: Kinematics, phase: Phase) -> float:
-        """Return what falls to 0 where a phase ends."""
+        """Return the value that falls to 0 where a phase ends."""
         if phase.largest == 0.0:
             growth = self._growth(contact, self.overlap(contact)) / self._touched
             return min(growth, contact.height)
@@ -364,8 +363,7 @@ class PatchContact(CompliantContact):
             displacement_rate, acceleration, state.motion[0], on_ball / ball.mass + self.gravity,
             turning / ball.inertia, (lost, power), sheared,
         ])  # fmt: skip
-        end = self.deflection_end(contact, phase)
-        ends = end, self.slip_end(contact, phase)
+        ends = self.deflection_end(contact, phase), self.slip_end(contact, phase)
         return Evaluation(rates, on_ball, self.deflection(contact), ends, (w1, w2))
 
     def _bristles(

@@ -66,10 +66,10 @@ def strike_by_pinocchio(
 
     lost = 0.5 * p * (1.0 - e) * approach.speed
     solution = Solution((p * n).reshape(1, 3), (False,), lost, np.zeros((1, 3)))
-    jump, turned = after[: leg.nv] - approach.v, after[leg.nv :]
+    jump, of_ball = after[: leg.nv] - approach.v, after[leg.nv :]
     response = response_to_jump(posture, approach.v, jump, p * n, reaction)
-    velocity_after = turned[:3] + posture.transport_velocity
-    ball_after = BallState.computed(before.position, velocity_after, turned[3:].copy())
+    velocity_after = of_ball[:3] + posture.transport_velocity
+    ball_after = BallState.computed(before.position, velocity_after, of_ball[3:].copy())
     return Impact(approach, "newton", solution, response=response, _ball_after=ball_after)
 
 

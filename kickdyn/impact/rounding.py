@@ -29,7 +29,7 @@ class Rounding(NamedTuple):
 
 
 def digits_left(share: float | Array) -> Array:
-    """Return how many digits a share of rounding leaves, 0 to 16."""
+    """Return the number of digits that a share of rounding leaves, 0 to 16."""
     return np.asarray(np.clip(-np.log10(np.maximum(share, 1e-17)), 0.0, 16.0))
 
 
@@ -101,9 +101,9 @@ def _spread(posture: Posture, velocities: Array) -> Array:
     total, reach = np.zeros(velocities.shape[1]), float(length(posture.contact_lever))
     joint = leg.contact_joint
     while joint:
-        first = model.idx_vs[joint]
+        index = model.idx_vs[joint]
         motion = (
-            np.reshape(data.joints[joint].S, (6, -1)) @ velocities[first : first + model.nvs[joint]]
+            np.reshape(data.joints[joint].S, (6, -1)) @ velocities[index : index + model.nvs[joint]]
         )
         total += length(motion[:3].T) + reach * length(motion[3:].T)
         reach += float(length(data.liMi[joint].translation))

@@ -139,9 +139,9 @@ def sensitivity(
     precision raises `KickdynError`.
     """
     projector = approach.posture.without_stiff_joints.constraint_projector
-    moved = None if projector is None else projector.find_violation(response.v_after)
-    if moved is not None:
-        name, speed, unit = moved
+    violation = None if projector is None else projector.find_violation(response.v_after)
+    if violation is not None:
+        name, speed, unit = violation
         raise InvalidInput(
             f"a support moves at {speed:.3g} {unit} after the impact ({name}): sensitivities are "
             "for supports that stay at rest"
@@ -355,7 +355,7 @@ def _margin(
     tangent: Array,
     columns: Mapping[str, slice],
 ) -> tuple[Branch, float, Array, float]:
-    """Return the branch, its margin, the margin's derivative, and what the margin is small to."""
+    """Return the branch, its margin, the margin's derivative, and the margin's scale."""
     n, p, mu = approach.contact.normal, solution.impulses[0], approach.contact.friction
     if mu == 0.0:
         return Branch.FRICTIONLESS, math.inf, np.zeros(impulse_x.shape[1]), 1.0

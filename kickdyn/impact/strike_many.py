@@ -57,7 +57,7 @@ class StrikeStatus(StrEnum):
 
     @classmethod
     def of(cls, error: KickdynError) -> "StrikeStatus":
-        """Return how a strike ended that raised an error."""
+        """Return the status of a strike that raised an error."""
         return cls.NO_IMPACT if isinstance(error, NoImpact) else cls.FAILED
 
 
@@ -174,11 +174,11 @@ def strike_many(
     contacts = one_or_many("contact", contact, Contact, n)
     velocity = vector_rows("ball velocity", ball_velocity, n)
     spin = vector_rows("ball spin", ball_spin, n)
-    given = Strikes(leg, balls, ContactRows.of(contacts), velocity, spin)
-    impacts = given.compute(angles, speeds)
+    strikes = Strikes(leg, balls, ContactRows.of(contacts), velocity, spin)
+    impacts = strikes.compute(angles, speeds)
     if not validation.flag("slopes", slopes):
         return impacts
-    return replace(impacts, slopes=_slopes(given, angles, speeds))
+    return replace(impacts, slopes=_slopes(strikes, angles, speeds))
 
 
 class Strikes:
@@ -232,7 +232,7 @@ def put_rows(result: Any, rows: Any, *values: Any) -> None:
 
 
 class _Kernel:
-    """The strikes of one leg at once, on arrays or in machine code, and what all q and v share."""
+    """The strikes of one leg at once, on arrays or in machine code, and their shared inputs."""
 
     def __init__(self, given: Strikes, joints: Any) -> None:
         self._given, leg = given, given.leg
@@ -245,34 +245,35 @@ class _Kernel:
         self._table = self._of_strikes(frames[leg.contact_joint].T)
 
     def _of_strikes(self, foot_axes: Array) -> Array:
-        """Return what is given of the strikes beside q and v, shape `(rows, batches, 16)`."""
-        rows, given, leg = kernel, self._given, self._given.leg
+        """Return the inputs of the strikes beside q and v, shape `(rows, batches, 16)`."""
+        rows, strikes, leg = kernel, self._given, self._given.leg
         frame = leg.workspace.model.frames[leg.frame_id].placement
-        contacts = given.contacts
+        contacts = strikes.contacts
         levers = leg.contact_lever + contacts.offset @ frame.rotation.T
-        first = leg.workspace.model.jointPlacements[1].translation
-        shared = max(len(given.balls), len(contacts)) == 1 and not self._varies
+        root = leg.workspace.model.jointPlacements[1].translation
+        shared = max(len(strikes.balls), len(contacts)) == 1 and not self._varies
         # one velocity for all rows takes no memory for each
-        shared = shared and given.velocity.strides[0] == given.spin.strides[0] == 0
-        n = 1 if shared else len(given.velocity)
+        shared = shared and strikes.velocity.strides[0] == strikes.spin.strides[0] == 0
+        n = 1 if shared else len(strikes.velocity)
         padded = -(-n // BATCH) * BATCH
         table = np.empty((rows.GIVEN, padded))
         table[rows.AXES : rows.LEVER, :n] = contact_frames(contacts.normal).reshape(-1, 9).T
         table[rows.LEVER : rows.CENTRE, :n] = foot_axes @ levers.T
-        table[rows.CENTRE : rows.VELOCITY, :n] = (first + given.radius[:, None] * contacts.normal).T
-        table[rows.VELOCITY : rows.SPIN, :n] = given.velocity[:n].T
-        table[rows.SPIN : rows.RADIUS, :n] = given.spin[:n].T
-        table[rows.RADIUS, :n] = given.radius
+        centres = root + strikes.radius[:, None] * contacts.normal
+        table[rows.CENTRE : rows.VELOCITY, :n] = centres.T
+        table[rows.VELOCITY : rows.SPIN, :n] = strikes.velocity[:n].T
+        table[rows.SPIN : rows.RADIUS, :n] = strikes.spin[:n].T
+        table[rows.RADIUS, :n] = strikes.radius
         table[rows.RESTITUTION, :n] = np.nan_to_num(contacts.restitution, nan=0.5)
         table[rows.FRICTION, :n] = contacts.friction
-        table[rows.INVERSE_MASS, :n] = [1.0 / ball.mass for ball in given.balls]
-        table[rows.TURNING, :n] = [ball.turning for ball in given.balls]
+        table[rows.INVERSE_MASS, :n] = [1.0 / ball.mass for ball in strikes.balls]
+        table[rows.TURNING, :n] = [ball.turning for ball in strikes.balls]
         table[:, n:] = table[:, n - 1 : n]
         return table.reshape(rows.GIVEN, -1, BATCH)
 
     @classmethod
     def of(cls, given: Strikes) -> "_Kernel | None":
-        """Return the kernel of a leg, or None where there is none."""
+        """Return the kernel of a leg, or None if there is none."""
         leg, movable = given.leg, all(ball.mass < math.inf for ball in given.balls)
         if leg.base_velocity is not None or leg.nq != leg.nv or not movable:
             return None
@@ -288,14 +289,14 @@ class _Kernel:
             self._set_restitution(answer[:, rows.APPROACH])
             answer, flags = run(q, v)
         answer[flags == rows.PARTING] = np.nan
-        (n, nv), first = q.shape, rows.FIRST + self._given.leg.nv
+        (n, nv), end = q.shape, rows.FIRST + self._given.leg.nv
         impulse, velocity, spin, position = (
             answer[:, k : k + 3]
             for k in (rows.IMPULSE, rows.BALL_VELOCITY, rows.BALL_SPIN, rows.BALL_POSITION)
         )
         impacts = Impacts(
-            impulse, velocity, spin, position, answer[:, rows.FIRST : first],
-            answer[:, first:].reshape(n, nv, 6), answer[:, rows.APPROACH], answer[:, rows.LOST],
+            impulse, velocity, spin, position, answer[:, rows.FIRST : end],
+            answer[:, end:].reshape(n, nv, 6), answer[:, rows.APPROACH], answer[:, rows.LOST],
             flags,
         )  # fmt: skip
         return impacts, flags == rows.ANEW
@@ -313,20 +314,20 @@ class _Kernel:
         return answer
 
     def _in_python(self, q: Array, v: Array) -> tuple[Array, NDArray[np.int8]]:
-        """Return what `_run` does, by the same functions on arrays of all strikes."""
+        """Return the result of `_run`, by the same functions on arrays of all strikes."""
         tree, frames, task, senses = self._given_leg
         (n, nv), count = q.shape, len(tree)
         row_of = np.empty((2 * nv + self._columns + 1, n))
         row_of[:nv], row_of[nv : 2 * nv] = (senses[1:] * q).T, (senses[1:] * v).T
         table = self._table.reshape(kernel.GIVEN, 1, -1)
-        given = np.broadcast_to(table[..., :n] if table.shape[2] >= n else table[..., :1],
+        inputs = np.broadcast_to(table[..., :n] if table.shape[2] >= n else table[..., :1],
                                 (kernel.GIVEN, 1, n))  # fmt: skip
         (lanes,), (state,) = blank_records(kernel.LANE, 1, n), blank_records(STATE, 1, n)
         memory = (lanes, lanes, blank_records(BODY, count, n), np.zeros((count, count, n)),
                   state, state, row_of)  # fmt: skip
         with np.errstate(all="ignore"):  # of strikes that are computed anew
             kernel.strike_batch(
-                namespaces(tree), frames, senses, *namespaces(task), given, 0, memory
+                namespaces(tree), frames, senses, *namespaces(task), inputs, 0, memory
             )
         return row_of[2 * nv : -1].T.copy(), row_of[-1].astype(np.int8)
 

@@ -105,7 +105,7 @@ class _Course:
         raise KickdynError(f"the sliding did not end in {MAX_STEPS} steps (mu = {self.mu:g})")
 
     def _turning(self) -> tuple[float, float]:
-        """Return how fast the slip turns, 0 where that no longer matters, and its growth rate."""
+        """Return the rate at which the slip turns, 0 if that is negligible, and its growth rate."""
         x, y, mu = self.x, self.y, self.mu
         f1 = self.b1 - mu * (self.a11 * x + self.a12 * y)
         f2 = self.b2 - mu * (self.a12 * x + self.a22 * y)
@@ -249,7 +249,7 @@ def _value(series: Sequence[float], t: float) -> float:
 
 
 def _root(function: Callable[[float], float], high: float, low: float = 0.0) -> float:
-    """Return where a function changes sign between two points, to rounding."""
+    """Return the point between two others at which a function changes sign, to rounding."""
     return float(brentq(function, low, high, xtol=1e-300))
 
 

@@ -135,8 +135,8 @@ class Uncertainty(Printed):
         elif isinstance(result, str) and result in UNIT_OF:
             variances = {n: float(np.trace(of[result])) for n, of in self.by_source.items()}
         else:
-            known = ", ".join((*UNIT_OF, *self.joints))
-            raise InvalidInput(f"result {result!r} is unknown: choose {known}")
+            choices = ", ".join((*UNIT_OF, *self.joints))
+            raise InvalidInput(f"result {result!r} is unknown: choose {choices}")
         total = sum(variances.values())
         return {
             name: float(variance / total) if total else 0.0 for name, variance in variances.items()

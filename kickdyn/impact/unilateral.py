@@ -90,15 +90,15 @@ def unilateral_strike(
     Args:
         posture: posture of a leg with supports, each with its friction and a flat one with its
             `sole`; its contact frame touches the ball.
-        v: as for `strike`.
-        ball: as for `strike`.
-        contact: as for `strike`.
+        v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        ball: the ball; its centre is at `contact point + radius * normal`.
+        contact: normal, restitution, friction and offset of the contact.
         law: `newton`. The law `paper` needs the effective mass of the leg along the attack
             direction, which feet that may lift off leave undefined; `stronge` follows the impulse
             as it grows at one point, and how fast each of several grows depends on their stiffness,
             which is unknown.
-        ball_velocity: as for `strike`.
-        ball_spin: as for `strike`.
+        ball_velocity: velocity of its centre just before, shape `(3,)` [m/s, world frame].
+        ball_spin: angular velocity just before, shape `(3,)` [rad/s, world frame].
 
     Raises:
         NoImpact: as for `strike`.

@@ -80,8 +80,8 @@ def impact_rows(
     momentum = 0.3 * np.maximum(inertia, 0.02) * limited_speed(task.whole)
     force = ca.SX(model.nv, 1)  # of the ball on the joints, for its impulse
     force[moving] = -jacobian.T @ ca.DM(impulse)
-    across = impulse - (normal @ impulse) * normal
-    ball_point = impulse / ball.mass + ball.turning * across
+    tangential = impulse - (normal @ impulse) * normal
+    ball_point = impulse / ball.mass + ball.turning * tangential
     speed = float(np.linalg.norm(ball_point))
     apart = share * ca.DM(ball_point) - jacobian @ (v + jump)
     approach = ca.dot(ca.DM(normal), jacobian @ v)

@@ -60,8 +60,8 @@ class ImpactTarget(ReadOnlyArrays):
         W is the Delassus matrix of foot and ball.
         """
         impulse, normal, ball = self.impulse, self.contact.normal, self.ball
-        across = impulse - normal * (normal @ impulse)
-        of_ball = impulse / ball.mass + ball.turning * across
+        tangential = impulse - normal * (normal @ impulse)
+        of_ball = impulse / ball.mass + ball.turning * tangential
         return np.asarray(posture.delassus() @ impulse + of_ball)
 
     @cached_property
@@ -104,8 +104,8 @@ class ImpactTarget(ReadOnlyArrays):
 
     def _gain(self, divisor: float) -> Array:
         """Return the foot's velocity per change of velocity, `(3, 3)`; the divisor is along n."""
-        along, across = self._parts
-        return along / divisor + across
+        along, tangential = self._parts
+        return along / divisor + tangential
 
     @cached_property
     def _parts(self) -> tuple[Array, Array]:

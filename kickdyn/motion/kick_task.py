@@ -119,19 +119,18 @@ def limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
     foot, posture = leg.contact_joint, leg.posture(leg.configuration())
     side = 1.0 if posture.contact_point[1] > standing.sole[:, 1].mean() else -1.0
     edge = float(side * (side * standing.sole[:, 1]).max())
-    down, aside = np.array([[0.0, 0.0, -1.0], [0.0, -side, 0.0]]) @ posture.rotation_world_joint
+    down, sideways = np.array([[0.0, 0.0, -1.0], [0.0, -side, 0.0]]) @ posture.rotation_world_joint
     under = _foot_spheres(standing, down, *UNDER)
     if task.other is not None:  # a foot that stands touches the ground, and is not in it
         rotation, origin = task.other.pose.rotation, task.other.pose.translation
         heights = (under.centres @ rotation.T + origin)[:, 2] - under.radii
         under = Spheres(under.centres, under.radii + np.minimum(heights - 1e-9, 0.0))
     limits.append(Clearance("the kicking foot", foot, under))
-    beside = _foot_spheres(standing, aside, *BESIDE)
+    beside = _foot_spheres(standing, sideways, *BESIDE)
     limits.append(Apart("the kicking foot", foot, beside, edge, side))
     if carriers := _trunk_carriers(standing, leg):
         pin.forwardKinematics(leg.workspace.model, leg.workspace.data, leg.configuration())
-        upright = leg.workspace.data.oMi[carriers[-1]].rotation[2].copy()
-        limits.append(Tilt(carriers[-1], upright))
+        limits.append(Tilt(carriers[-1], leg.workspace.data.oMi[carriers[-1]].rotation[2].copy()))
     if task.resting:
         limits.append(resting_limit(task, task.resting))
     return limits, [Impulse(limit) for limit in in_impact]
@@ -199,10 +198,10 @@ def limits_on_both(task: KickTask) -> tuple[list[Limit], list[Limit]]:
     assert standing is not None
     assert other is not None
     friction = _friction(standing)
-    first = [
+    of_support = [
         limit for limit in limits_of(task)[0] if not isinstance(limit, Clearance | Apart | Pressure)
     ]
-    return first, [Friction(friction), PressureCentre(other, INSIDE), Twist(other, friction)]
+    return of_support, [Friction(friction), PressureCentre(other, INSIDE), Twist(other, friction)]
 
 
 def _friction(standing: StandingRobot) -> float:

@@ -47,32 +47,32 @@ def limbs_aside(
         postures: of the motion, shape `(k, nq)` of that leg.
         limbs: joints of each.
     """
-    rest, draw, times = rest_configuration(leg), np.random.default_rng(0), len(postures)
+    neutral, draw, times = rest_configuration(leg), np.random.default_rng(0), len(postures)
     postures = postures.copy()
     lower, upper = leg.model.lowerPositionLimit, leg.model.upperPositionLimit
     every = Surroundings(task.robot, leg, task.target.ball.radius)
-    at_rest = {gap.frames for gap in every.gaps(rest, None, ASIDE)}
-    aside: dict[str, float] = {}
+    at_rest = {gap.frames for gap in every.gaps(neutral, None, ASIDE)}
+    shifted: dict[str, float] = {}
     for limb in limbs:
         columns = [leg.joint_names.index(str(leg.model.names[joint])) for joint in limb]
-        near, order = every.only(frames_of(leg, limb)), list(range(times))
+        pairs, order = every.only(frames_of(leg, limb)), list(range(times))
         room = 0.05 * (upper - lower)[columns]
         size = ASIDE_DRAWN, len(columns)
-        drawn = draw.uniform(lower[columns] + room, upper[columns] - room, size) - rest[columns]
+        drawn = draw.uniform(lower[columns] + room, upper[columns] - room, size) - neutral[columns]
         drawn *= draw.uniform(0.0, 1.0, (ASIDE_DRAWN, 1))  # many of them near rest
         for change in [0.0 * drawn[0], *drawn[np.argsort(np.linalg.norm(drawn, axis=1))]]:
-            angles = rest[columns] + change
+            angles = neutral[columns] + change
             postures[:, columns] = angles
-            hit = next((row for row in order if _touches(near, postures[row], at_rest)), None)
+            hit = next((row for row in order if _touches(pairs, postures[row], at_rest)), None)
             if hit is None:
                 break
             order.remove(hit)  # most other angles fail there too
             order.insert(0, hit)
         else:
-            postures[:, columns] = angles = rest[columns]
-        if (angles != rest[columns]).any():
-            aside |= {leg.joint_names[n]: float(x) for n, x in zip(columns, angles, strict=True)}
-    return aside
+            postures[:, columns] = angles = neutral[columns]
+        if (angles != neutral[columns]).any():
+            shifted |= {leg.joint_names[n]: float(x) for n, x in zip(columns, angles, strict=True)}
+    return shifted
 
 
 def _touches(near: Surroundings, q: Array, at_rest: Collection[tuple[str, str]]) -> bool:

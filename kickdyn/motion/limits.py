@@ -86,7 +86,7 @@ class Limit(ABC):
     Attributes:
         labels: a name for each row, for sentences.
         unit: of the margins: `m`, `rad` or nothing for a share of the limit.
-        reserve: margin that the solver keeps at its points, for what is between them.
+        reserve: margin that the solver keeps at its points, for the times between them.
         by_splines: whether the coefficients of the splines keep it at all times, so that the solver
             needs no rows at its points.
     """
@@ -249,7 +249,7 @@ class PressureCentre(GroundLimit):
 
 
 class Twist(GroundLimit):
-    """Friction supplies the moment about the vertical: what is left of its arm [m].
+    """Friction supplies the moment about the vertical: the remaining arm [m].
 
     The arm of an even pressure is about half the mean distance of the sole's corners from its
     centre.
@@ -330,5 +330,4 @@ class Tilt(Limit):
         self._joint, self._axis = joint, axis
 
     def margins(self, sample: Sample) -> Any:
-        upright = (sample.tree.rotation(self._joint) @ ca.DM(self._axis))[2]
-        return upright - math.cos(LARGEST_TILT)
+        return (sample.tree.rotation(self._joint) @ ca.DM(self._axis))[2] - math.cos(LARGEST_TILT)

@@ -78,11 +78,11 @@ class Motion(ReprMixin):
             joints].
         after: likewise from 0 to `end`.
         placement: `pin.SE3` of the supporting frame in the world; None on a fixed base.
-        limits: what the motion keeps, for `margins`; None where there is nothing to keep.
+        limits: what the motion keeps, for `margins`; None if there is nothing to keep.
         warnings: a line for each limit that the motion does not keep.
         solution: from which the planner of nearly the same motion starts, if any.
         shift: of the weight from both feet onto the supporting one, before the backswing; in
-            reverse, it is also what follows the recovery. None where the robot starts on one foot.
+            reverse, it is also what follows the recovery. None if the robot starts on one foot.
         aside: values of joints that have no spline, other than at rest [rad; m if prismatic].
         pushed: velocities just after the impact of joints that have no spline [rad/s; m/s].
     """
@@ -123,14 +123,14 @@ class Motion(ReprMixin):
     @property
     def phases(self) -> tuple[Phase, ...]:
         """The backswing and the recovery; the weight is shifted before and after these."""
-        first, last = float(self.before.t[0]), float(self.after.t[-1])
-        kick = Phase("backswing", first, 0.0), Phase("recovery", 0.0, last)
+        begin, end = float(self.before.t[0]), float(self.after.t[-1])
+        kick = Phase("backswing", begin, 0.0), Phase("recovery", 0.0, end)
         if self.shift is None:
             return kick
         return (
-            Phase("shift onto one foot", self.begin, first),
+            Phase("shift onto one foot", self.begin, begin),
             *kick,
-            Phase("shift onto both feet", last, self.end),
+            Phase("shift onto both feet", end, self.end),
         )
 
     def q(self, t: float) -> Array:

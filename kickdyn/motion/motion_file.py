@@ -82,8 +82,8 @@ class MotionSamples(NamedTuple):
             return np.zeros((len(self.t), 0))
         base = self.leg.model.jointPlacements[1]
         poses = np.array([pin.SE3ToXYZQUAT(base * pin.XYZQUATToSE3(q[:7])) for q in self.q])
-        turned = np.sum(poses[1:, 3:] * poses[:-1, 3:], axis=1) < 0.0
-        poses[1:, 3:] *= np.where(np.cumsum(turned) % 2, -1.0, 1.0)[:, None]
+        flipped = np.sum(poses[1:, 3:] * poses[:-1, 3:], axis=1) < 0.0
+        poses[1:, 3:] *= np.where(np.cumsum(flipped) % 2, -1.0, 1.0)[:, None]
         return poses
 
 
@@ -110,8 +110,7 @@ def check_motion_name(file: str | os.PathLike[str]) -> Callable[[MotionSamples, 
 
 
 def _write_csv(samples: MotionSamples, file: Path) -> None:
-    table = np.hstack([samples.root, samples.joint_positions])
-    np.savetxt(file, table, delimiter=",", fmt="%.17g")
+    np.savetxt(file, np.hstack([samples.root, samples.joint_positions]), delimiter=",", fmt="%.17g")
 
 
 def _write_npz(samples: MotionSamples, file: Path) -> None:

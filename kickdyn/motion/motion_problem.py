@@ -55,7 +55,7 @@ the posture at both ends [1/rad2] and of the share of the launch that is not rea
 0.1 s of squared torque."""
 
 LEAST_EFFECT, LEAST_MULTIPLIER = 1e-3, 0.05
-"""Share of the launch below which a limit does not count as one that holds it back, and multiplier
+"""Share of the launch below which a limit does not count as one that reduces it, and multiplier
 below which a row does not count: Ipopt gives those that are not reached small ones, too."""
 
 WHOLE_SHARE = 1.0 - 1e-4
@@ -110,9 +110,9 @@ class MotionProblem:
             [whole.velocity_index(name) for name in names]
             for names in (task.leg.joint_names, task.resting)
         )
-        rest, still = self._at_rest, np.zeros(whole.nv)
+        at_rest, still = self._at_rest, np.zeros(whole.nv)
         states = [
-            self._among_all(rest, tree.q), self._among_all(still, tree.v),
+            self._among_all(at_rest, tree.q), self._among_all(still, tree.v),
             self._among_all(still, tree.a),
         ]  # fmt: skip
         self._resting_torque = SymbolicTree(whole.model, states).inverse_dynamics()[0][
@@ -140,9 +140,9 @@ class MotionProblem:
             self.feet = Feet(task.leg, task.standing, task.other)
             self.feet.following()  # refused now if there are too few joints
             pose, joint = task.other.pose, task.leg.contact_joint
-            turned = ca.DM(pose.rotation).T @ tree.rotation(joint)
+            relative = ca.DM(pose.rotation).T @ tree.rotation(joint)
             placed = tree.point(joint, np.zeros(3)) - ca.DM(pose.translation)
-            closed = ca.vertcat(placed, ca.inv_skew(turned - turned.T) / 2)
+            closed = ca.vertcat(placed, ca.inv_skew(relative - relative.T) / 2)
             self._closed = make_rows(tree.q, ca.SX(0, 1), [(closed, 0.0, 0.0)], ca.SX(0.0))
 
     def _of_all_joints(self) -> tuple[Any, Any]:
@@ -182,8 +182,8 @@ class MotionProblem:
         tree, count = self._tree, self._scale.numel()
         forces = ca.SX.sym("forces", count)
         change = ca.SX.sym("change", count + len(self._resting))
-        given = ca.vertcat(self._scale * forces, ca.SX(6, 1))
-        sample = Sample(tree, given[: self.n], given[self.n : self.n + 6], self._weight,
+        loads = ca.vertcat(self._scale * forces, ca.SX(6, 1))
+        sample = Sample(tree, loads[: self.n], loads[self.n : self.n + 6], self._weight,
                         self._resting_torque + change[count:])  # fmt: skip
         # splines keep some limits, and bounds of unknowns others
         others = (TorqueLimit, SpeedLimit, RangeLimit, RestingTorqueLimit)
@@ -221,8 +221,7 @@ class MotionProblem:
 
     def states(self, times: list[Array], coefficients: Array, share: float) -> Array:
         """Return q, v and a of all joints at times of a motion, shape `(3, moments, nv)`."""
-        count = sum(map(len, times))
-        states = np.zeros((3, count, self.task.whole.nv))
+        states = np.zeros((3, sum(map(len, times)), self.task.whole.nv))
         states[0] = self._at_rest
         for order, values in enumerate(states):
             values[:, self._moving] = self.splines.values(times, order) @ coefficients
@@ -232,17 +231,16 @@ class MotionProblem:
 
     def all_forces(self, states: Array) -> Array:
         """Return `forces` with all joints, then torques of those at rest, `(k, moments)`."""
-        forces = self._all_forces.map(states.shape[1])(*states.transpose(0, 2, 1))
-        return np.asarray(forces)
+        return np.asarray(self._all_forces.map(states.shape[1])(*states.transpose(0, 2, 1)))
 
     def _changes(self, times: list[Array], coefficients: Array, share: float) -> Array:
-        """Return how joints at rest that gave way change forces, over their scale, at points.
+        """Return changes of forces by joints at rest that gave way, over their scale, at points.
 
         Torques of joints at rest follow, which have no scale.
         """
         states = [self.states(times, coefficients, each) for each in (share, 0.0)]
-        after, rest = map(self.all_forces, states)
-        return np.asarray(after - rest)
+        after, unchanged = map(self.all_forces, states)
+        return np.asarray(after - unchanged)
 
     def _rows_apart(self, joints: tuple[int, int]) -> Rows:
         """Return the row of `Conditions` of two joints, with the configuration as its unknown.
@@ -287,8 +285,7 @@ class MotionProblem:
         closed, _ = self._closed.values(tree.q, [])
         rows = [(closed, 0.0, 0.0), (balance, 0.0, 0.0)]
         on_both = make_rows(tree.q, ca.SX(0, 1), rows, ca.SX(0.0))
-        lowest = np.where(free, -np.inf, lower)
-        posture = self._rest_near(near, lowest, on_both, alone=alone)
+        posture = self._rest_near(near, np.where(free, -np.inf, lower), on_both, alone=alone)
         return None if posture is None else self.feet.closed(posture)
 
     def _rest_near(
@@ -356,10 +353,10 @@ class MotionProblem:
         size = last + 1 + self.task.whole.nv
         to_speeds = per_joint(splines.speed_rows(), n, 1)
         to_speeds = sp.diags(np.resize(1.0 / self.task.speed_limit, to_speeds.shape[0])) @ to_speeds
-        known = start.coefficients
+        reference = start.coefficients
         if start.linearized is not None:  # without the mean, two solutions can alternate for ever
-            known = (known + start.linearized) / 2
-        changes = self._changes(times, known, start.share)
+            reference = (reference + start.linearized) / 2
+        changes = self._changes(times, reference, start.share)
         blocks = [*self._blocks(times, changes), *map(self._block_apart, apart)]
         most = np.full(to_speeds.shape[0], 1.0 - SpeedLimit.reserve)
         lower = [np.tile(block.rows.lower, len(block.weights)) for block in blocks]
@@ -421,7 +418,7 @@ class MotionProblem:
             feasible,
             int(solver.stats()["iter_count"]),
             self.limited,
-            known,
+            reference,
         )
 
     def _with_exact_impact(self, coefficients: Array, share: float) -> Array:
@@ -494,8 +491,8 @@ class MotionProblem:
         It is the share that 10 % more, 1 cm or 0.1 rad would give, by the multipliers, without
         those limits where it is less than `LEAST_EFFECT`.
         """
-        known, names, total = solution.multipliers, self.task.leg.joint_names, dict[str, float]()
-        if known is None:
+        duals, names, total = solution.multipliers, self.task.leg.joint_names, dict[str, float]()
+        if duals is None:
             return total
 
         def add(label: str, values: Array, amount: float = 0.1) -> None:
@@ -503,20 +500,20 @@ class MotionProblem:
             effect = amount / SHARE * float(sizes[sizes > LEAST_MULTIPLIER].sum())
             total[label] = total.get(label, 0.0) + effect
 
-        torques = known.points[:, len(self.path.lower) :]
-        ranges = known.bounds[: self.splines.size * self.n]
+        torques = duals.points[:, len(self.path.lower) :]
+        ranges = duals.bounds[: self.splines.size * self.n]
         for i, name in enumerate(names):
             add(f"torque of {name}", torques[:, i])
-            add(f"speed of {name}", known.speeds[i :: self.n])
+            add(f"speed of {name}", duals.speeds[i :: self.n])
             add(f"range of {name}", ranges[i :: self.n])
         for i, (label, unit) in enumerate(self._on_path):
-            add(label, known.points[:, i], 0.01 if unit == "m" else 0.1)
+            add(label, duals.points[:, i], 0.01 if unit == "m" else 0.1)
         labels = [label for limit in self.impulse_limits for label in limit.labels]
         for label, value in zip(
-            labels, known.impact[len(known.impact) - len(labels) :], strict=True
+            labels, duals.impact[len(duals.impact) - len(labels) :], strict=True
         ):
             add(label, value)
-        for (joints, _, _), values in known.apart:
+        for (joints, _, _), values in duals.apart:
             add(self.surroundings.label(joints), values, 0.01)
         return {label: value for label, value in total.items() if value > LEAST_EFFECT}
 
@@ -542,14 +539,12 @@ class MotionProblem:
     def _block_apart(self, conditions: Conditions) -> Block:
         """Return the rows of the conditions of two joints."""
         times, splines, n = conditions.times, self.splines, self.n
-        sides = [times[times <= 0.0], times[times > 0.0]]
-        maps = splines.values(sides, 0)
+        maps = splines.values([times[times <= 0.0], times[times > 0.0]], 0)
         if conditions.joints[1] < 0:
             at_impact = np.tile(splines.at_impact()[0], (len(maps), 1))
             maps = np.stack([maps, at_impact], axis=1).reshape(2 * len(maps), -1)
         rows = self._rows_apart(conditions.joints)
-        to_points = per_joint(maps, n, 1)
-        return Block(rows, to_points, conditions.parameters, np.zeros(len(times)))
+        return Block(rows, per_joint(maps, n, 1), conditions.parameters, np.zeros(len(times)))
 
     def _cost(self, rest: Array) -> Cost:
         """Return the jerk, the posture at both ends and the share, of the objective."""

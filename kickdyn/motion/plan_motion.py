@@ -87,9 +87,9 @@ class _Work:
         self.left = most
 
     def iterations(self, joints: int) -> int:
-        """Return how many iterations of a problem are left; 0 for fewer than are of use."""
-        left = self.left // joints
-        return left if left >= LEAST_ITERATIONS else 0
+        """Return the remaining iterations of a problem; 0 for fewer than are of use."""
+        count = self.left // joints
+        return count if count >= LEAST_ITERATIONS else 0
 
 
 def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
@@ -111,24 +111,24 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     if task.standing is not None:
         check_sole(task.standing)
     work = _Work(MOST_WORK)
-    aside = {} if near is None else near.aside
+    angles = {} if near is None else near.aside
     legs = task
     if task.standing is not None:
-        legs = replace(task, leg=kicking_chain(task.leg, others=aside).leg, aside=aside)
+        legs = replace(task, leg=kicking_chain(task.leg, others=angles).leg, aside=angles)
     if legs.leg.joint_names == task.leg.joint_names:
         return _plan(task, _Near(near), STARTS, work)
     if near is not None and near.joints != legs.leg.joint_names:
         return _plan(task, _Near(near), 0, work)
     of_legs = _Work(LEGS_WORK)
-    planned = first = _plan(legs, _Near(near), 0, of_legs, task.leg)
+    planned = legs_only = _plan(legs, _Near(near), 0, of_legs, task.leg)
     work.left -= LEGS_WORK - of_legs.left
-    if first.keeps_limits or near is not None:
-        return first
-    if first.share > NEARLY:
-        planned = _plan(task, _Near(first.motion, first.share), 0, work)
+    if legs_only.keeps_limits or near is not None:
+        return legs_only
+    if legs_only.share > NEARLY:
+        planned = _plan(task, _Near(legs_only.motion, legs_only.share), 0, work)
         if planned.keeps_limits:
             return planned
-    others = [planned, first]
+    others = [planned, legs_only]
     if work.iterations(task.leg.nv):
         others.append(_plan(task, _Near(None), 1, work))
     return max(others, key=lambda motion: motion.rank)
@@ -154,18 +154,18 @@ def _plan(
 
     Args:
         task: the kick.
-        near: what to start from.
+        near: the motion to start from.
         starts: number of starts at most; with 0, there is one, and limits between points are not
             sought where it does not reach the whole launch.
-        work: what the solutions may take together.
+        work: iterations that the solutions may take together.
         whole: the leg with the limbs that are at rest, which are put aside of the motion.
     """
-    known = None if near.motion is None else near.motion.solution
-    limited = () if known is None else [name for name in known.limited if name in task.resting]
+    former = None if near.motion is None else near.motion.solution
+    limited = () if former is None else [name for name in former.limited if name in task.resting]
     problem, verdicts = _problem_of(task, limited), list[Verdict]()
     idle = [] if whole is None or near.motion is not None else idle_limbs(whole, task.leg)
-    for rest, start in islice(_starts(problem, near), max(starts, 2 if near.motion else 1)):
-        search = _Search(problem, rest, work, partly=starts > 0)
+    for posture, start in islice(_starts(problem, near), max(starts, 2 if near.motion else 1)):
+        search = _Search(problem, posture, work, partly=starts > 0)
         if start.multipliers is not None:
             verdicts.append(search.again(start))
         else:
@@ -181,8 +181,7 @@ def _plan(
 
 def _problem_of(task: KickTask, limited: Sequence[str] = ()) -> MotionProblem:
     stands = task.standing is not None
-    splines = MotionSplines(*DURATIONS[stands], INTERVALS[stands])
-    return MotionProblem(task, splines, limited)
+    return MotionProblem(task, MotionSplines(*DURATIONS[stands], INTERVALS[stands]), limited)
 
 
 def _put_aside(
@@ -193,14 +192,13 @@ def _put_aside(
     times = [
         np.linspace(grid[0], grid[-1], ASIDE_TIMES // len(splines.grids)) for grid in splines.grids
     ]
-    moved = [whole.joint_names.index(name) for name in task.leg.joint_names]
+    columns = [whole.joint_names.index(name) for name in task.leg.joint_names]
     postures = np.tile(rest_configuration(whole), (sum(map(len, times)), 1))
-    postures[:, moved] = splines.values(times, 0) @ solution.coefficients
-    aside = limbs_aside(task, whole, postures, limbs)
-    if not aside:
+    postures[:, columns] = splines.values(times, 0) @ solution.coefficients
+    angles = limbs_aside(task, whole, postures, limbs)
+    if not angles:
         return problem
-    legs = kicking_chain(whole, others=aside).leg
-    return _problem_of(replace(task, leg=legs, aside=aside))
+    return _problem_of(replace(task, leg=kicking_chain(whole, others=angles).leg, aside=angles))
 
 
 class _Search:
@@ -241,8 +239,8 @@ class _Search:
         """Put the limbs aside that the motion of a solution would hit."""
         other = _put_aside(self.problem, solution, whole, limbs)
         if other.feet is not None and other is not self.problem:
-            rest = other.stand(self.rest, at_ball=False)
-            self.rest = self.rest if rest is None else rest
+            posture = other.stand(self.rest, at_ball=False)
+            self.rest = self.rest if posture is None else posture
         self.problem = other
 
     def _limit_overloaded(self, verdict: Verdict) -> bool:
@@ -268,8 +266,8 @@ class _Search:
             aside: frames of bodies that do not count, because they are put aside later.
         """
         problem = self.problem
-        near = problem.surroundings.without(aside)
-        apart = Nearness(problem, start, start.times, near).conditions(start.times)
+        surroundings = problem.surroundings.without(aside)
+        apart = Nearness(problem, start, start.times, surroundings).conditions(start.times)
         return self._solve(start, start.times, apart, NEARBY if moves else FIRST)
 
     def refine(self, solution: Solution) -> Verdict:
@@ -284,8 +282,8 @@ class _Search:
                 break
             nearest = verdict if verdict.broken <= nearest.broken else nearest
             far, times = verdict.broken > FAR, verdict.add_points(solution.times)
-            known = solution.multipliers if solution.feasible else None
-            former = [] if known is None else [conditions for conditions, _ in known.apart]
+            duals = solution.multipliers if solution.feasible else None
+            former = [] if duals is None else [conditions for conditions, _ in duals.apart]
             apart = with_former(verdict.nearness.conditions(times), former)
             reaches_all = (full and not far) or solution.share > WHOLE
             shares = (1.0, 1.0) if reaches_all else (0.0, 1.0)
@@ -314,11 +312,11 @@ def _starts(problem: MotionProblem, near: _Near) -> Iterator[tuple[Array, Soluti
         leg = problem.task.leg
         values = {**leg.joint_values(rest_configuration(leg)), **motion.aside}
         coefficients = np.tile([values[name] for name in leg.joint_names], (splines.size, 1))
-        moved = [leg.joint_names.index(name) for name in motion.joints]
-        coefficients[:, moved] = splines.coefficients(motion.before, motion.after)
-        known = motion.solution
-        if known is not None and np.array_equal(known.coefficients, coefficients):
-            yield known.rest, known
+        columns = [leg.joint_names.index(name) for name in motion.joints]
+        coefficients[:, columns] = splines.coefficients(motion.before, motion.after)
+        solution = motion.solution
+        if solution is not None and np.array_equal(solution.coefficients, coefficients):
+            yield solution.rest, solution
         yield coefficients[0], Solution(coefficients[0], coefficients, near.share, times)
         return
     draw, robot = np.random.default_rng(0), problem.task.robot
@@ -328,14 +326,13 @@ def _starts(problem: MotionProblem, near: _Near) -> Iterator[tuple[Array, Soluti
     for number in range(STARTS):
         posture = central + draw.normal(0.0, SPREAD if number else 0.0, problem.n)
         posture = np.clip(posture, problem.lower + 0.2 * room, problem.upper - 0.2 * room)
-        rest = problem.stand(posture, at_ball=False)
-        hit = None if rest is None else problem.stand(rest, at_ball=True)
-        if rest is not None and hit is not None:
+        at_rest = problem.stand(posture, at_ball=False)
+        hit = None if at_rest is None else problem.stand(at_rest, at_ball=True)
+        if at_rest is not None and hit is not None:
             reachable = True
-            still = np.tile(hit, (splines.size, 1))
-            yield rest, Solution(rest, still, FIRST_SHARE, times)
+            yield at_rest, Solution(at_rest, np.tile(hit, (splines.size, 1)), FIRST_SHARE, times)
     if not reachable:
-        does = "stand at rest" if rest is None else "touch the ball at rest"
+        does = "stand at rest" if at_rest is None else "touch the ball at rest"
         raise InvalidInput(
             f"no posture was found in which {robot.name} can {does} within its limits of torque, "
             "range and balance"

@@ -83,20 +83,20 @@ class Surroundings:
         """
         placed = Placed(self._robot, self._frames, self._space.model, self._space.data, q)
         pairs, least = self._pairs, placed.least_distances(self._pairs)
-        near = [
+        found = [
             (least[k], pairs.bodies[pairs.first[k]], pairs.bodies[pairs.second[k]])
             for k in np.flatnonzero(least < within)
         ]
         if ball is not None:
             bodies = placed.bodies_near(ball, self._radius + within)
-            near += [(-np.inf, body, placed.place_ball(ball, self._radius)) for body in bodies]
-        nearest: dict[tuple[str, str], Gap | None] = {(a.frame, b.frame): None for _, a, b in near}
-        for distance, body, other in sorted(near, key=lambda pair: pair[0]):
+            found += [(-np.inf, body, placed.place_ball(ball, self._radius)) for body in bodies]
+        nearest: dict[tuple[str, str], Gap | None] = {(a.frame, b.frame): None for _, a, b in found}
+        for distance, body, other in sorted(found, key=lambda pair: pair[0]):
             frames = body.frame, other.frame
-            known = nearest[frames]
-            if known is None or -known.place.depth > distance:
+            previous = nearest[frames]
+            if previous is None or -previous.place.depth > distance:
                 place = placed.proximity(body, other)
-                if known is None or place.depth > known.place.depth:
+                if previous is None or place.depth > previous.place.depth:
                     nearest[frames] = Gap(frames, place)
         return [gap for gap in nearest.values() if gap is not None and gap.place.depth > -within]
 
@@ -139,8 +139,8 @@ class Surroundings:
             chosen: which of the times have conditions besides those at which bodies are nearest.
         """
         depths: dict[tuple[str, str], Array] = {}
-        for number, near in enumerate(gaps):
-            for gap in near:
+        for number, close in enumerate(gaps):
+            for gap in close:
                 row = depths.setdefault(gap.frames, np.full(len(times), -np.inf))
                 row[number] = max(row[number], gap.place.depth)
         wanted = {}
@@ -150,9 +150,9 @@ class Surroundings:
             wanted[frames] = peak | chosen
         columns: dict[tuple[int, int], list[tuple[float, Array]]] = {}
         model, data = self._space.model, self._space.data
-        for number, near in enumerate(gaps):
-            placed = Placed(self._robot, {}, model, data, q[number]) if near else None
-            for gap in near:
+        for number, close in enumerate(gaps):
+            placed = Placed(self._robot, {}, model, data, q[number]) if close else None
+            for gap in close:
                 if placed is None or not wanted[gap.frames][number]:
                     continue
                 first, second = self.joints(gap)
@@ -183,12 +183,12 @@ def with_former(new: Sequence[Conditions], former: Sequence[Conditions]) -> list
 
     A solution that kept these would otherwise return to where bodies are inside each other.
     """
-    known = {conditions.joints: conditions for conditions in new}
+    merged = {conditions.joints: conditions for conditions in new}
     for joints, times, parameters in former:
-        latest = known.get(joints, Conditions(joints, np.zeros(0), np.zeros((9, 0))))
-        left = ~np.isin(times.round(12), latest.times.round(12))
-        every = np.concatenate([latest.times, times[left]])
+        latest = merged.get(joints, Conditions(joints, np.zeros(0), np.zeros((9, 0))))
+        remaining = ~np.isin(times.round(12), latest.times.round(12))
+        every = np.concatenate([latest.times, times[remaining]])
         order = np.argsort(every, kind="stable")
-        stacked = np.hstack([latest.parameters, parameters[:, left]])
-        known[joints] = Conditions(joints, every[order], stacked[:, order])
-    return [*known.values()]
+        stacked = np.hstack([latest.parameters, parameters[:, remaining]])
+        merged[joints] = Conditions(joints, every[order], stacked[:, order])
+    return [*merged.values()]

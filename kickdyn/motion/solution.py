@@ -1,4 +1,4 @@
-"""Solutions of the problem of a motion, and what a next one takes from them."""
+"""Solutions of the problem of a motion, and the start of a next one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,19 +36,19 @@ class Multipliers(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Unknowns that Ipopt returned, with what a next solution starts from.
+    """Unknowns that Ipopt returned, with the start of a next solution.
 
     Attributes:
         rest: posture near which both ends are, shape `(n,)`.
         coefficients: of the splines, shape `(size, n)`.
         share: of the launch.
         times: of the points, before and after the impact [s].
-        multipliers: None where a solution does not start from those.
+        multipliers: None if a solution does not start from those.
         feasible: whether the rows are in their bounds, within `TOLERANCE`.
         iterations: number of its iterations.
         limited: joints at rest whose torques had rows.
         linearized: coefficients at which the forces of joints that give way in the impact were
-            computed for its rows; None where a solution does not start from those.
+            computed for its rows; None if a solution does not start from those.
     """
 
     rest: Array
@@ -79,13 +79,13 @@ def taken_over(
             has one row.
         forces: number of forces of a point, whose bounds have the last columns of `points`.
     """
-    known = start.multipliers or empty._replace(
+    duals = start.multipliers or empty._replace(
         points=np.zeros((sum(map(len, start.times)), empty.points.shape[1]))
     )
     distance = np.abs(np.concatenate(start.times)[None] - moments[:, None])
     same = distance.min(axis=1) < SAME_TIME
-    points = np.where(same[:, None], known.points[distance.argmin(axis=1)], 0.0)
-    former = {conditions.joints: (conditions, values) for conditions, values in known.apart}
+    points = np.where(same[:, None], duals.points[distance.argmin(axis=1)], 0.0)
+    former = {conditions.joints: (conditions, values) for conditions, values in duals.apart}
     of_apart = [
         multipliers_nearby(conditions, *former[conditions.joints])
         if conditions.joints in former
@@ -93,5 +93,5 @@ def taken_over(
         for conditions in apart
     ]
     k = empty.points.shape[1] - forces
-    rows = np.concatenate([known.speeds, points[:, :k].ravel(), known.impact, *of_apart])
-    return rows, np.append(known.bounds, points[:, k:])
+    rows = np.concatenate([duals.speeds, points[:, :k].ravel(), duals.impact, *of_apart])
+    return rows, np.append(duals.bounds, points[:, k:])

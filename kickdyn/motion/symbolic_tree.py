@@ -97,15 +97,15 @@ class SymbolicTree:
         forces = [_body_force(model.inertias[0], *motions[0])]
         for i, (linear, turn) in enumerate(self._axes):
             rotation, origin = self._steps[i]
-            turning, turned, moved = motions[int(model.parents[i + 1])]
-            moved = moved + ca.cross(turned, origin) + ca.cross(turning, ca.cross(turning, origin))
+            turning, alpha, accel = motions[int(model.parents[i + 1])]
+            accel = accel + ca.cross(alpha, origin) + ca.cross(turning, ca.cross(turning, origin))
             back, slide, spin = rotation.T, ca.DM(linear), ca.DM(turn)
             before = back @ turning
             turning = before + spin * v[i]
-            turned = back @ turned + spin * a[i] + ca.cross(before, spin) * v[i]
-            moved = back @ moved + slide * a[i] + 2 * ca.cross(before, slide) * v[i]
-            motions.append((turning, turned, moved))
-            forces.append(_body_force(model.inertias[i + 1], turning, turned, moved))
+            alpha = back @ alpha + spin * a[i] + ca.cross(before, spin) * v[i]
+            accel = back @ accel + slide * a[i] + 2 * ca.cross(before, slide) * v[i]
+            motions.append((turning, alpha, accel))
+            forces.append(_body_force(model.inertias[i + 1], turning, alpha, accel))
         torques = []
         for i in reversed(range(len(self._axes))):
             (linear, turn), (force, moment) = self._axes[i], forces[i + 1]

@@ -38,7 +38,7 @@ LOADED = 0.5
 """Torque over its limit from which on a joint at rest counts among those that are overloaded."""
 
 NAMED = 6
-"""Number of limits in the sentence on what holds a motion back."""
+"""Number of limits in the sentence on those that reduce the share of a motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class Margins:
 
 @dataclass(frozen=True, eq=False)
 class PlannedMotion:
-    """A motion with what it reaches.
+    """A motion, its share of the launch, and its use of the limits.
 
     Attributes:
         motion: with a line of warning for each limit that it does not keep.
@@ -110,17 +110,17 @@ def shift_weight(problem: MotionProblem, feet: Feet, last: Array) -> WeightShift
         last: posture at its end, shape `(n,)`.
 
     Returns:
-        None where no posture has the weight between both feet.
+        None if no posture has the weight between both feet.
     """
     limits, still = problem.limits_of_shift(), np.zeros(problem.n)
     force, moment = np.split(np.asarray(limits[0][0](last, still, still)[1]).ravel(), 2)
     centre = np.array([-moment[1], moment[0]]) / force[2]
     anchors = np.array([centre, feet.other.sole.mean(axis=0)])
-    first = problem.stand_on_both(last, anchors.mean(axis=0))
-    if first is None:
+    initial = problem.stand_on_both(last, anchors.mean(axis=0))
+    if initial is None:
         return None
     for duration in SHIFTS:
-        shift = WeightShift(feet, first, last, anchors, duration, limits)
+        shift = WeightShift(feet, initial, last, anchors, duration, limits)
         if not shift.warnings():
             break
     return shift
@@ -170,8 +170,7 @@ class Verdict:
         splines = problem.splines
         self.times = splines.times(*(FINER * count for count in POINTS))
         states = problem.states(self.times, solution.coefficients, solution.share)
-        joints = problem.task.whole.joint_names
-        self.margins = Margins(problem.margins, problem.limits, joints)
+        self.margins = Margins(problem.margins, problem.limits, problem.task.whole.joint_names)
         self.rows = self.margins.rows(*states)
         forces = problem.all_forces(states)[: problem.n]
         weights = np.concatenate([integration_weights(times) for times in self.times])
@@ -194,10 +193,10 @@ class Verdict:
         shortfall = np.max(needed - self.rows, axis=1)
         pair = np.split(shortfall, [len(self.times[0])])
         added = []
-        for times, known, lack in zip(self.times, points, pair, strict=True):
+        for times, present, lack in zip(self.times, points, pair, strict=True):
             padded = np.pad(lack, 1, constant_values=-np.inf)
             peak = (lack > 0.0) & (lack >= padded[:-2]) & (lack >= padded[2:])
-            added.append(np.unique(np.concatenate([known, times[peak]])))
+            added.append(np.unique(np.concatenate([present, times[peak]])))
         return added
 
     def planned(self) -> PlannedMotion:
@@ -220,8 +219,8 @@ class Verdict:
             lines += shift.warnings()
         if solution.share < 1.0 and solution.multipliers is not None:
             lines.insert(0, self._share_line())
-        near = self.rows.min(axis=0)
-        reached = [label for limit, label, row in labels if near[row] < limit.reserve + REACHED]
+        margins = self.rows.min(axis=0)
+        reached = [label for limit, label, row in labels if margins[row] < limit.reserve + REACHED]
         placement = None if task.standing is None else task.standing.placement
         before, after = problem.splines.motion(solution.coefficients)
         motion = Motion(
@@ -273,7 +272,7 @@ class Verdict:
         return 1.0 - float(self.rows[:, self._columns(kind)].min())
 
     def _share_line(self) -> str:
-        """Return a sentence on the share and on the limits that hold it back most."""
+        """Return a sentence on the share and on the limits that reduce it most."""
         effects, times = self.problem.effects(self.solution), np.concatenate(self.times)
         columns = {label: row for _, label, row in self._labels(self.problem.limits)}
         names = []
@@ -290,5 +289,5 @@ class Verdict:
 
 def best_of(verdicts: Sequence["Verdict"]) -> "Verdict":
     """Return the verdict on the solution that keeps all limits with the largest share, if any."""
-    kept = [verdict for verdict in verdicts if verdict.broken == 0.0]
-    return max(kept or verdicts, key=lambda verdict: verdict.solution.share - verdict.broken)
+    valid = [verdict for verdict in verdicts if verdict.broken == 0.0]
+    return max(valid or verdicts, key=lambda verdict: verdict.solution.share - verdict.broken)

@@ -172,8 +172,8 @@ class WeightShift:
         """
         turn = placement * self.feet.standing.placement.inverse()
         parts = self.feet.split(turn.actInv(pin.Force(wrench)).vector, self.anchors)
-        first, other = (turn.act(pin.Force(part)).vector for part in parts)
-        return first, other
+        supporting, other = (turn.act(pin.Force(part)).vector for part in parts)
+        return supporting, other
 
     def margins(self, q: Array, v: Array, a: Array) -> dict[str, float]:
         """Return the least distance from each limit, by its name; of an unloaded foot, none."""

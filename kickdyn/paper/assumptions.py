@@ -1,4 +1,4 @@
-"""What the paper leaves open: coefficients of drag and lift, restitution, launch."""
+"""Quantities that the paper does not give: coefficients of drag and lift, restitution, launch."""
 
 import math
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ FRICTION = 0.4
 """Between foot and ball, in all of the paper's simulations."""
 
 RESTITUTION = 0.8
-"""Not printed; what Table 2 needs."""
+"""Not printed; needed by Table 2."""
 
 
 @dataclass(frozen=True)

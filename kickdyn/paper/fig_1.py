@@ -124,7 +124,7 @@ def _follow(start: Posture, direction: Array) -> list[Posture]:
 
 
 def _corrected(leg: Leg, q: Array, point: Array) -> Posture | None:
-    """Bring the contact point back by Gauss-Newton; None where it cannot be."""
+    """Bring the contact point back by Gauss-Newton; None if it cannot be."""
     for _ in range(20):
         posture = leg.posture(q)
         astray = point - posture.contact_point

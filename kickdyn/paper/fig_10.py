@@ -37,7 +37,7 @@ def flights(choice: Coefficients = DEFAULT) -> dict[str, Flight]:
 
 
 def curve(path: Flight) -> float:
-    """Return how far the landing lies to the left of the launch's own vertical plane [m]."""
+    """Return the distance of the landing to the left of the launch's vertical plane [m]."""
     forward = path.launch.velocity / math.hypot(*path.launch.velocity[:2])
     x, y, _ = path.landing.position - path.launch.position
     return float(forward[0] * y - forward[1] * x)

@@ -30,8 +30,8 @@ def items() -> list[Item]:
     vacuum = flights()["vacuum"]
     why = "closed form; the paper's text prints no range"
     verdict, source = shape(vacuum.range > 0), "Eqs. (24)-(25)"
-    first = Item(f"{NAME} vacuum range", None, vacuum.range, "m", verdict, why, source)
-    return [first, *varying(DEFAULT)]
+    of_vacuum = Item(f"{NAME} vacuum range", None, vacuum.range, "m", verdict, why, source)
+    return [of_vacuum, *varying(DEFAULT)]
 
 
 def varying(choice: Coefficients) -> list[Item]:

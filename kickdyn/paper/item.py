@@ -10,7 +10,7 @@ MEASURED = 0.1
 """How near our number must be to one of the test bed, or of its simulation, relative."""
 
 FITTED = 0.005
-"""The same where what the paper does not give is fitted to the number."""
+"""The same where quantities that the paper does not give are fitted to the number."""
 
 DECISIVE_RATIO = 2.0
 """Ratio of our numbers with two coefficients from which on the item depends on the coefficient."""
@@ -45,14 +45,14 @@ class Item:
 
     Attributes:
         item: where it stands, such as `Table 2 a total`.
-        paper: what the paper prints; None where it gives only a curve or words.
-        ours: what kickdyn computes.
+        paper: the number that the paper prints; None if it gives only a curve or words.
+        ours: the number that kickdyn computes.
         unit: of both.
         verdict: see `MEANINGS`.
         why: in one line.
         source: equation or assumption used.
         variant: other coefficients than in `DEFAULT`, where they are used.
-        notes: warnings of the flights, and what other coefficients give.
+        notes: warnings of the flights, and results of other coefficients.
     """
 
     item: str
@@ -67,7 +67,7 @@ class Item:
 
     @property
     def relative_error(self) -> float | None:
-        """Our number over the paper's, less 1; None where the paper prints none, or 0."""
+        """Our number over the paper's, less 1; None if the paper prints none, or 0."""
         return self.ours / self.paper - 1 if self.paper else None
 
     @property

@@ -28,9 +28,9 @@ class Section:
 
     Attributes:
         name: as the paper numbers it.
-        keys: the tables and figures that it answers to, such as `fig10`.
+        keys: names of its tables and figures, such as `fig10`.
         items: with the coefficients of `DEFAULT`.
-        varying: those that may change with a choice of coefficients; None where none matters.
+        varying: those that may change with a choice of coefficients; None if none matters.
     """
 
     name: str

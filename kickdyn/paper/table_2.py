@@ -101,7 +101,7 @@ def search(sign: float) -> tuple[Array, Array]:
 def _words(totals: list[float]) -> list[Item]:
     """Return least errors of other readings, and how the totals fit the words of Section V.A."""
     down, up = search(1.0)[1], search(-1.0)[1]
-    obstacle, ball, turned = (
+    obstacle, ball, foot_up = (
         100 * float(np.ptp(np.log(TOTALS / masses), axis=1).min() / 2)
         for masses in (down, 1 / (1 / down + 1 / BALL.mass), up)
     )
@@ -124,7 +124,7 @@ def _words(totals: list[float]) -> list[Item]:
     return [
         Item(f"{NAME} a over c", None, totals[0] / totals[2], "1", falls, straight, "Section V.A"),
         Item(
-            f"{NAME} least error, foot turned up", None, turned, "%", missed, small, "Section V.A"
+            f"{NAME} least error, foot turned up", None, foot_up, "%", missed, small, "Section V.A"
         ),
         Item(f"{NAME} least error, with the ball", None, ball, "%", missed, why, "Eq. (10)"),
     ]

@@ -181,9 +181,9 @@ def items() -> list[Item]:
     result += varying(DEFAULT)
     why = 'the paper says that at 50 deg the ball "travels farthest and highest"'
     lower = (paths[LOW], paths[MIDDLE])
-    first = all(paths[HIGH].range > x.range and paths[HIGH].height > x.height for x in lower)
+    largest = all(paths[HIGH].range > x.range and paths[HIGH].height > x.height for x in lower)
     name, apex = f"{HIGH.name} apex", paths[HIGH].height
-    result.append(Item(name, None, apex, "m", shape(first), why, source))
+    result.append(Item(name, None, apex, "m", shape(largest), why, source))
     why = f"the paper claims agreement with the experiment within {100 * MEASURED:g} %"
     for name, pairs in (
         ("paper's simulation", [(row.simulation, row.experiment) for row in ROWS]),

@@ -79,6 +79,6 @@ class BodyClearance(KickTerm):
 
 def bodies_near_ball(robot: Leg) -> list[tuple[Body, None]]:
     """Return the bodies that can come near the ball, each with it; none without shapes."""
-    rest, space = robot.posture(rest_configuration(robot)), robot.workspace
-    placed = Placed(robot, body_frames(robot), space.model, space.data, rest.q)
-    return [(body, None) for body in placed.bodies_near(rest.contact_point, LARGEST_MESH)]
+    posture, space = robot.posture(rest_configuration(robot)), robot.workspace
+    placed = Placed(robot, body_frames(robot), space.model, space.data, posture.q)
+    return [(body, None) for body in placed.bodies_near(posture.contact_point, LARGEST_MESH)]

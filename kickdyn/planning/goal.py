@@ -150,11 +150,11 @@ class Goal(ReprMixin):
                 f"target is {point.tolist()}: it must not be straight above or below the ball"
             )
         named = {"time": time, "apex": apex, "speed": speed, "over": over}
-        given = [name for name, value in named.items() if value is not None]
-        if len(given) != 1:
-            verb = "are" if given else "is"
+        chosen = [name for name, value in named.items() if value is not None]
+        if len(chosen) != 1:
+            verb = "are" if chosen else "is"
             raise InvalidInput(
-                f"{' and '.join(given) or 'nothing'} {verb} given in addition to the target: give "
+                f"{' and '.join(chosen) or 'nothing'} {verb} given in addition to the target: give "
                 "one of time, apex, speed, over"
             )
         if time is not None:
@@ -280,7 +280,7 @@ class PlannedLaunch(ReprMixin):
     Attributes:
         status: `met`; or `unreachable`, and this is the nearest launch there is.
         goal: the goal that was asked for; for a receiver who runs, the target where he is met.
-        limit: reason why the goal is unreachable, see `LaunchLimit`; None where it is met.
+        limit: reason why the goal is unreachable, see `LaunchLimit`; None if it is met.
         velocity: velocity of the launch, shape `(3,)` [m/s, world frame].
         spin: spin of the launch, shape `(3,)` [rad/s, world frame].
         ball: the ball.

@@ -124,8 +124,7 @@ class InterceptingKick:
     @property
     def objective(self) -> Objective | LargestShare:
         """What makes the kick best: the share of the launch, if that is not reached in full."""
-        weaker = self.point.share < 1.0
-        return STRONGEST if weaker else OBJECTIVES[self.task.settings.objective]()
+        return STRONGEST if self.point.share < 1.0 else OBJECTIVES[self.task.settings.objective]()
 
     def polished(self) -> "InterceptingKick":
         """Return the kick with its solution refined to rounding."""
@@ -142,8 +141,7 @@ class InterceptingKick:
             )
         else:
             ground = task.incoming.ground
-            after = impact.ball_after
-            path = follow(after, s.ball, s.air, ground, time_limit=LONGEST_COURSE)
+            path = follow(impact.ball_after, s.ball, s.air, ground, time_limit=LONGEST_COURSE)
         return KickPlan(
             goal=task.goal,
             launch=task.launch,

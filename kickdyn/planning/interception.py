@@ -151,7 +151,7 @@ class IncomingBall(ReprMixin):
 
 
 def _level_under(leg: Leg) -> float:
-    """Return how high the foot of the straight leg is, or the lowest body beside the leg [m]."""
+    """Return the height of the straight leg's foot, or of the lowest body beside the leg [m]."""
     model, level = leg.model, float(leg.posture(leg.configuration()).contact_point[2])
     limb = set(model.subtrees[model.supports[leg.contact_joint][1]])
     depths = find_depths(leg, rest_configuration(leg), level)
@@ -204,8 +204,8 @@ def reach_of(leg: Leg, ball: Ball) -> Reach:
     _, sizes, axes = np.linalg.svd(points - middle)
     if sizes[2] > 1e-9 * sizes[0] or abs(axes[2][2]) > 1e-9:
         return Reach(centre, radius, None, 0.0)
-    across = axes[2] * (1.0 if axes[2][1] > 0.0 else -1.0)  # legs face x
-    return Reach(centre, radius, across, float(across @ middle))
+    normal = axes[2] * (1.0 if axes[2][1] > 0.0 else -1.0)  # legs face x
+    return Reach(centre, radius, normal, float(normal @ middle))
 
 
 def waits_in_reach(
@@ -239,26 +239,26 @@ def waits_in_reach(
     offsets = np.asarray(states.position) - reach.centre
     distances = np.linalg.norm(offsets, axis=1)
     chosen = incoming.meet_at is not None
-    near = distances <= (BEYOND_REACH if chosen else 1.0) * reach.radius
-    if not near.any():
+    reachable = distances <= (BEYOND_REACH if chosen else 1.0) * reach.radius
+    if not reachable.any():
         nearest = int(np.argmin(distances))
         when = f"{times[nearest]:.3g} s after it was seen, {distances[nearest]:.3g} m from the hip"
         never = "is out of reach at meet_at: it is then, " if chosen else (
             "never comes within reach: it is nearest "
         )  # fmt: skip
         raise InvalidInput(f"the ball {never}{when}, and the leg reaches {reach.radius:.3g} m")
-    within = np.flatnonzero(near)
+    within = np.flatnonzero(reachable)
     ahead, offsets = _facing(changes(times[within]), reach), offsets[within]
     behind = -np.einsum("ij,ij->i", ahead, offsets)
     inside = np.flatnonzero(behind <= radius)
     if not inside.size:
         least = int(np.argmin(behind))
-        turned = " of a leg that faces along the change of the ball's velocity"
-        turned = "" if reach.across is None else turned
+        facing = " of a leg that faces along the change of the ball's velocity"
+        facing = "" if reach.across is None else facing
         where = "behind the leg at meet_at" if chosen else "within reach only behind the leg"
         wait = float(times[within[least]])
         raise InvalidInput(
-            f"the ball is {where}: it is {behind[least]:.3g} m behind the hip{turned}, "
+            f"the ball is {where}: it is {behind[least]:.3g} m behind the hip{facing}, "
             f"{wait:.3g} s after it was seen{escaping(wait)}"
         )
     tried = times[within[inside]]
@@ -270,11 +270,11 @@ def waits_in_reach(
     if reach.across is None:
         return np.asarray(waits)
     places = states.position[within[inside]]
-    aside = ahead[inside, 0] * places[:, 1] - ahead[inside, 1] * places[:, 0] - reach.beside
-    crossed = np.flatnonzero(aside[:-1] * aside[1:] < 0.0)
+    lateral = ahead[inside, 0] * places[:, 1] - ahead[inside, 1] * places[:, 0] - reach.beside
+    crossed = np.flatnonzero(lateral[:-1] * lateral[1:] < 0.0)
     margin = max(3, int(CROSSING_SHARE * tried.size))
     ends = [np.clip(crossed + step, 0, tried.size - 1) for step in (-margin, margin + 1)]
-    crossings = tried[np.concatenate(ends)] if np.abs(aside).max() > BESIDE else tried[:0]
+    crossings = tried[np.concatenate(ends)] if np.abs(lateral).max() > BESIDE else tried[:0]
     return np.asarray(np.union1d(waits, crossings))
 
 
@@ -305,15 +305,15 @@ def _refined(course: Course, times: Array, reach: Reach, radius: float) -> Array
     places = np.asarray(course.sample(times).position)
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     distances = np.linalg.norm(places - reach.centre, axis=1)
-    near = np.minimum(distances[:-1], distances[1:]) <= reach.radius + steps
-    far = np.flatnonzero(near & (steps > 2.0 * radius))
+    reachable = np.minimum(distances[:-1], distances[1:]) <= reach.radius + steps
+    far = np.flatnonzero(reachable & (steps > 2.0 * radius))
     if not far.size:
         return times
     return np.union1d(times, np.linspace(times[far[0]], times[far[-1] + 1], SAMPLES))
 
 
 def _facing(changes: Array, reach: Reach) -> Array:
-    """Return where the leg faces to meet balls, horizontal unit vectors, shape `(n, 3)`.
+    """Return directions in which the leg faces balls, horizontal unit vectors, shape `(n, 3)`.
 
     It is x, or, of a leg that is turned, the direction of the change of velocity.
     """

@@ -172,9 +172,9 @@ def plan_kick(
         if motion or ball_position is not None:
             other = f"motion={motion!r}" if motion else "ball_position"
             raise InvalidInput(f"incoming and {other} exclude each other: give one of them")
-        come = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
+        moving_ball = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
         settings = KickSettings(goal, ball, air, contact, objective, limits, surface, solver)
-        return plan_interception(leg, come, settings)
+        return plan_interception(leg, moving_ball, settings)
     disabled_pairs(leg)  # a faulty SRDF is refused now, not by the checks of the finished plan
 
     with one_thread():
@@ -219,7 +219,7 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None =
     Args:
         plan: with a motion.
         velocity: of the ball after `strike`, shape `(3,)` [m/s, world frame].
-        contact: as for `plan_kick`; None is that of the plan.
+        contact: of foot and ball, as for `plan_kick`; None is the plan's.
 
     Raises:
         InvalidInput: a plan without a motion.
@@ -234,8 +234,7 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None =
         position = ball.radius if is_floating(leg) else plan.impact.ball_before.position
     with one_thread():
         target = impact_target_for(wished, after.spin, ball, contact)
-        limits = MUSCLES if plan.muscles else True
-        problem = kick_problem(leg, target, position, limits=limits)
+        problem = kick_problem(leg, target, position, limits=MUSCLES if plan.muscles else True)
         both_feet = plan.motion.shift is not None
         posture, v, outcome = _plan_motion(problem, plan.motion, both_feet=both_feet)
         impact = strike(posture, v, ball, target.contact)

@@ -269,10 +269,10 @@ def check_actuators(plan: KickPlan) -> Sequence[str]:
     """Return a line for the joints that move but that the leg's file does not drive."""
     leg, v = plan.leg, plan.v
     passive = () if leg.file is None else leg.file.passive_joints
-    moved = [x for x in passive if x in leg.single_joints and v[leg.velocity_index(x)]]
-    if not moved:
+    undriven = [x for x in passive if x in leg.single_joints and v[leg.velocity_index(x)]]
+    if not undriven:
         return []
-    remedies = [listed(moved), lock_remedy(leg.workspace.model, moved)]
+    remedies = [listed(undriven), lock_remedy(leg.workspace.model, undriven)]
     return [
         "the plan moves joints that have no actuator in the leg's file: "
         + "; to keep them at rest, ".join(filter(None, remedies))
@@ -337,8 +337,7 @@ def check_ground_at_impact(plan: KickPlan) -> Sequence[str]:
 
 def check_ground_of_free_ball(plan: KickPlan) -> Sequence[str]:
     """Return the same line where the ground is assumed under a ball whose height is free."""
-    placed = replace(plan, ball_is_placed=True)
-    return () if plan.ball_is_placed else check_ground_at_impact(placed)
+    return () if plan.ball_is_placed else check_ground_at_impact(replace(plan, ball_is_placed=True))
 
 
 def check_ball_overlap_in_motion(plan: KickPlan) -> Sequence[str]:

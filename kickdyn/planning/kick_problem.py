@@ -119,8 +119,8 @@ class KickProblem:
         """Yield the problem, then those without the last terms that are not required."""
         yield self
         optional = [term for term in self.terms if not term.required]
-        for first in reversed(range(len(optional))):
-            yield self.without(optional[first:])
+        for count in reversed(range(len(optional))):
+            yield self.without(optional[count:])
 
     def solve(self, objective: Function[KickPoint], starts: Sequence[Array]) -> list[KickPoint]:
         """Return the solutions from each start, with exact foot velocities.
@@ -159,14 +159,14 @@ class KickProblem:
         wide = np.random.default_rng(1).uniform(
             variables.lower, variables.upper, (WIDELY_DRAWN, variables.n)
         )
-        moved = []
+        placed = []
         for q in (*self.drawn, *wide):
             start = variables.point(np.array([*q, *np.zeros(variables.n), 1.0]))
             point = place_exactly(ball, start)
             if _touches(ball, point):
-                turned = point if facing is None else turn_to_ball(ball, facing, point)
-                moved.append((turned if _touches(ball, turned) else point).x[: variables.n])
-        touching = replace(self, drawn=np.reshape(moved, (-1, variables.n)))
+                rotated = point if facing is None else turn_to_ball(ball, facing, point)
+                placed.append((rotated if _touches(ball, rotated) else point).x[: variables.n])
+        touching = replace(self, drawn=np.reshape(placed, (-1, variables.n)))
         rated = [x[: variables.n] for _, _, x in touching.rated()]
         best = [q for q in rated if self.may_meet(q)] or rated
         return replace(self, drawn=np.reshape(best[:count], (-1, variables.n)))
@@ -280,8 +280,7 @@ def _without_terms(
     directions = _foot_directions(variables, draw)
     heading = 0.0 if standing is not None else _heading_towards(directions, target.impulse)
     if heading:
-        rotation = pin.rpy.rpyToMatrix(0.0, 0.0, heading)
-        robot = robot.with_model(turn_body(robot.model, 0, rotation))
+        robot = robot.with_model(turn_body(robot.model, 0, pin.rpy.rpyToMatrix(0.0, 0.0, heading)))
         limb = kicking_chain(robot, branches=True)
         variables = KickVariables(limb.leg, target)
         directions = _foot_directions(variables, draw)
@@ -353,7 +352,7 @@ def _solve(problem: KickProblem, objective: Objective) -> tuple[KickProblem, Kic
 def best_from(
     problem: KickProblem, objective: Objective | LargestShare, starts: Sequence[Array]
 ) -> KickPoint | None:
-    """Return the best of the solutions from some starts; None where none meets the goal."""
+    """Return the best of the solutions from some starts; None if none meets the goal."""
     points = problem.solve(objective, starts)
     return min(points, key=lambda point: float(objective.value(point)[0])) if points else None
 
@@ -389,8 +388,8 @@ def _foot_directions(variables: KickVariables, draw: np.random.Generator) -> Arr
 
 
 def _leaves(directions: Array, vector: Array) -> bool:
-    across = vector - directions.T @ (directions @ vector)
-    return bool(np.linalg.norm(across) > 1e-6 * np.linalg.norm(vector))
+    residual = vector - directions.T @ (directions @ vector)
+    return bool(np.linalg.norm(residual) > 1e-6 * np.linalg.norm(vector))
 
 
 def _check_directions(variables: KickVariables, directions: Array) -> None:
@@ -418,9 +417,9 @@ def _check_sliding(variables: KickVariables, directions: Array) -> None:
     speed = max(np.linalg.norm(velocity) for velocity in (ball, *bases))
     if target.contact.friction == 0.0 or speed == 0.0:
         return
-    aside = [ball - base for base in bases]
-    across = [vector - directions.T @ (directions @ vector) for vector in aside]
-    if max(np.linalg.norm(vector) for vector in across) > 1e-6 * speed:
+    relative = [ball - base for base in bases]
+    residuals = [vector - directions.T @ (directions @ vector) for vector in relative]
+    if max(np.linalg.norm(vector) for vector in residuals) > 1e-6 * speed:
         mover = "ball" if np.linalg.norm(ball) > 0.0 else "base"
         raise InvalidInput(
             f"the velocity of the {mover} leaves the plane in which the foot of "
@@ -437,8 +436,7 @@ def _place_ball(
     draw: np.random.Generator,
 ) -> BallPosition:
     if isinstance(position, float | int):
-        centre = np.array([0.0, 0.0, position])
-        return BallPosition(variables, centre, np.array([[0.0, 0.0, 1.0]]))
+        return BallPosition(variables, np.array([0.0, 0.0, position]), np.array([[0.0, 0.0, 1.0]]))
     q = draw.uniform(variables.lower, variables.upper)
     offset = variables.point(np.append(q, np.zeros(variables.n + 1))).ball_centre - position
     beside = float(np.linalg.norm(offset - directions.T @ (directions @ offset)))
@@ -455,11 +453,11 @@ def _heading_towards(directions: Array, vector: Array) -> float:
 
     It is 0 of a vector that is there or is vertical, and of a foot that is in no vertical plane.
     """
-    across = np.cross(*directions) if len(directions) == 2 else np.array([0.0, 0.0, 1.0])
+    normal = np.cross(*directions) if len(directions) == 2 else np.array([0.0, 0.0, 1.0])
     level, leaves = math.hypot(vector[0], vector[1]), _leaves(directions, vector)
-    if abs(across[2]) > 1e-9 or not level > (0.0 if leaves else 1e-6 * np.linalg.norm(vector)):
+    if abs(normal[2]) > 1e-9 or not level > (0.0 if leaves else 1e-6 * np.linalg.norm(vector)):
         return 0.0  # no such plane, or no horizontal part to turn to
-    ahead = np.array([across[1], -across[0]])
+    ahead = np.array([normal[1], -normal[0]])
     if ahead[0] < 0.0:  # legs face x
         ahead = -ahead
     if not leaves and float(ahead @ vector[:2]) > 0.0:

@@ -86,7 +86,7 @@ class KickVariables:
         return self.leg.posture(configuration).with_contact_offset(self.target.contact.offset)
 
     def point(self, x: Array) -> "KickPoint":
-        """Return what the terms of a kick evaluate."""
+        """Return the point at which the terms of a kick are evaluated."""
         return KickPoint(self, x)
 
     def slope(self, by_q: Array, by_v: Array | None = None, by_share: Array | None = None) -> Array:
@@ -163,7 +163,7 @@ class KickTerm(Function[KickPoint]):
 
     @abstractmethod
     def derivatives(self, posture: Posture, v: Array) -> tuple[Array, Array | None]:
-        """Return its derivatives by q and v, shape `(k, nv)` each; None where v does not count."""
+        """Return its derivatives by q and v, shape `(k, nv)` each; None if v does not count."""
 
 
 class Objective(Function[KickPoint]):
@@ -367,8 +367,7 @@ class TorqueLimit(KickTerm):
 
     def torque(self, posture: Posture, v: Array) -> Array:
         """Return the torque of the joints that move the foot, shape `(n,)` [N m]."""
-        torque = pin.rnea(self._model, self._data, posture.q, v, self._still)
-        return np.asarray(torque[self._vs])
+        return np.asarray(pin.rnea(self._model, self._data, posture.q, v, self._still)[self._vs])
 
     def use(self, point: KickPoint) -> Array:
         """Return the torques over their limits, shape `(n,)`."""

@@ -52,7 +52,7 @@ class OutOfReach(InvalidInput):
 
     Attributes:
         limit: the reason why there is no such launch.
-        nearest: the nearest launch or pass there is; None where none is known.
+        nearest: the nearest launch or pass there is; None if none is known.
     """
 
     def __init__(self, message: str, limit: LaunchLimit, nearest: PlannedLaunch | None) -> None:
@@ -74,7 +74,7 @@ class Launch(PlannedLaunch):
         errors: errors of the target (3 components), of the condition beside it and of `beside`
             [m, s, m/s], shape `(4,)`, or `(5,)` with `beside`.
         history: launch velocities of Newton's method, shape `(iterations + 1, 3)` [m/s]. The first
-            is the vacuum's answer, Eqs. (24)-(25), or, where Newton's method fails from there,
+            is the vacuum's solution, Eqs. (24)-(25), or, where Newton's method fails from there,
             another launch to the target; the last is `velocity`.
         limits: largest launch speed [m/s] and size of the spin that `beside` seeks [rad/s].
     """
@@ -112,7 +112,7 @@ class Launch(PlannedLaunch):
         """The other launches that meet the goal, by time of flight; computed when first read.
 
         Launches to the target form branches, with one for each time of flight. These are all on the
-        branches to which Newton's method comes from the vacuum's answers; others can be missing.
+        branches to which Newton's method comes from the vacuum's solutions; others can be missing.
         """
         if self.limit is not None:
             return ()
@@ -211,8 +211,7 @@ def plan_launch(
     family = LaunchFamily(problem, goal, limit, most_spin)
     if near is not None and goal.beside is None:
         sloping = goal.kind not in ("time", "speed")
-        start = _unknowns_near(near, goal)
-        solution = solve_launch(problem, goal, start, last_slopes=sloping)
+        solution = solve_launch(problem, goal, _unknowns_near(near, goal), last_slopes=sloping)
         if solution and family.is_inside(solution) and solution.is_above_ground:
             return _launch(family, goal, None, solution)
 

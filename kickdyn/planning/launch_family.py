@@ -40,7 +40,7 @@ class LaunchFamily:
 
     There is a launch for each time of flight, which Newton's method finds from a neighbour
     in time: a branch. It ends beyond a limit, or where no longer or shorter flight comes to the
-    target. Branches start from the launches that Newton's method finds from answers of the vacuum:
+    target. Branches start from the launches that Newton's method finds from those in the vacuum:
     one to which none of these leads is not found.
     """
 
@@ -53,7 +53,7 @@ class LaunchFamily:
 
     @cached_property
     def direct(self) -> list[LaunchSolution]:
-        """The goal's solutions to which Newton's method comes from the vacuum's answers, by time.
+        """The goal's solutions to which Newton's method comes from the vacuum's solutions, by time.
 
         They may be beyond the limits.
         """
@@ -226,8 +226,8 @@ def _pairs(branches: list[list[LaunchSolution]]) -> list[tuple[LaunchSolution, L
 
 
 def _is_between(pair: tuple[LaunchSolution, LaunchSolution], member: LaunchSolution) -> bool:
-    first, second = (neighbour.unknowns for neighbour in pair)
-    chord = second - first
-    fraction = (member.time - first[-1]) / chord[-1]
-    aside = np.abs(member.unknowns - first - fraction * chord)
-    return -1e-6 <= fraction <= 1 + 1e-6 and bool((aside <= 0.3 * np.abs(chord).max()).all())
+    begin, end = (neighbour.unknowns for neighbour in pair)
+    chord = end - begin
+    fraction = (member.time - begin[-1]) / chord[-1]
+    deviation = np.abs(member.unknowns - begin - fraction * chord)
+    return -1e-6 <= fraction <= 1 + 1e-6 and bool((deviation <= 0.3 * np.abs(chord).max()).all())

@@ -52,7 +52,7 @@ class ShootingProblem:
         air: the air; None is the vacuum.
         spin: the spin, shape `(3,)` [rad/s]; with `seeks_spin` its axis, a unit vector.
         seeks_spin: whether the size of the spin is an unknown.
-        struck: the ball before it is struck, which keeps its spin along the impulse; None where
+        struck: the ball before it is struck, which keeps its spin along the impulse; None if
             the spin is as given.
         tol: tolerance of the integration, relative to the flight's length and speed.
     """
@@ -82,15 +82,15 @@ class ShootingProblem:
             return np.array(spin)
         change = launch[:3] - self.struck.velocity
         along = change / (float(np.linalg.norm(change)) or 1.0)
-        kept = float(self.struck.spin @ along)
-        if abs(kept) < ACROSS_SHARE * float(np.linalg.norm(self.struck.spin)):
-            kept = 0.0
-        return np.asarray(spin + (kept - spin @ along) * along)
+        axial_spin = float(self.struck.spin @ along)
+        if abs(axial_spin) < ACROSS_SHARE * float(np.linalg.norm(self.struck.spin)):
+            axial_spin = 0.0
+        return np.asarray(spin + (axial_spin - spin @ along) * along)
 
     def shoot(
         self, launch: Array, time: float, with_slopes: bool = True
     ) -> DifferentiableFlight | None:
-        """Fly the unknowns without the time for a time [s]; None where that fails."""
+        """Fly the unknowns without the time for a time [s]; None if that fails."""
         increments = INCREMENT * self.sizes(np.append(launch, time))[:-1]
         if not with_slopes:
             increments = increments[:0]
@@ -154,7 +154,7 @@ def _extreme_time(flight: DifferentiableFlight, sign: float) -> float:
 
 
 def _root(value: Callable[[float], float], begin: float, end: float) -> float | None:
-    """Return the time at which a value rises through zero [s]; None where it does not."""
+    """Return the time at which a value rises through zero [s]; None if it does not."""
     if not value(begin) < 0.0 <= value(end):
         return None
     return float(brentq(value, begin, end, xtol=1e-15 * end))
@@ -165,7 +165,7 @@ class LaunchSolution:
     """The launch at which Newton's method arrived.
 
     Attributes:
-        unknowns: as of `ShootingProblem`.
+        unknowns: those of the `ShootingProblem`.
         errors: of the target (3 components), of the condition beside it, and of `beside`.
         history: launch velocities, the first guess first, shape `(k, 3)` [m/s].
         trajectory: the flight with its derivatives by launch velocity and spin size.
@@ -218,7 +218,7 @@ def solve_launch(
     steps: int = 40,
     last_slopes: bool = True,
 ) -> LaunchSolution | None:
-    r"""Solve for a launch by Newton's method from a first guess; None where it fails.
+    r"""Solve for a launch by Newton's method from a first guess; None if it fails.
 
     The launch :math:`(v, s)` and the time :math:`t` solve :math:`x(t; v, s) = x_{target}` together
     with the goal's condition, to a relative error of `accuracy`. Each step integrates one flight
@@ -244,13 +244,13 @@ def solve_launch(
         norm = float(np.linalg.norm(errors / scale))
         for halvings in range(12):
             shorter = np.asarray(step * 0.5**halvings)
-            moved = np.append(step_in_root(x[:3], shorter[:3]), x[3:] + shorter[3:])
-            if moved[-1] <= 0.0:
+            trial = np.append(step_in_root(x[:3], shorter[:3]), x[3:] + shorter[3:])
+            if trial[-1] <= 0.0:
                 continue
-            known = slopes if norm < NEAR_SOLUTION and not last_slopes else None
-            evaluation = residual(moved, known)
+            known_slopes = slopes if norm < NEAR_SOLUTION and not last_slopes else None
+            evaluation = residual(trial, known_slopes)
             if float(np.linalg.norm(evaluation[0] / scale)) < norm:  # not where it is nan
-                x, (errors, slopes, flight) = moved, evaluation
+                x, (errors, slopes, flight) = trial, evaluation
                 break
         else:
             break
@@ -294,12 +294,12 @@ def goal_condition(goal: Goal, x: Array, flight: DifferentiableFlight) -> tuple[
 
 def distinct(solutions: list[LaunchSolution], problem: ShootingProblem) -> list[LaunchSolution]:
     """Return solutions by time of flight, without repetitions of the same one."""
-    kept: list[LaunchSolution] = []
+    unique: list[LaunchSolution] = []
     for solution in solutions:
         sizes = problem.sizes(solution.unknowns)
-        if all(np.abs((solution.unknowns - k.unknowns) / sizes).max() > 1e-6 for k in kept):
-            kept.append(solution)
-    return sorted(kept, key=lambda solution: solution.time)
+        if all(np.abs((solution.unknowns - k.unknowns) / sizes).max() > 1e-6 for k in unique):
+            unique.append(solution)
+    return sorted(unique, key=lambda solution: solution.time)
 
 
 def target_equations(goal: Goal, x: Array, flight: DifferentiableFlight) -> tuple[Array, Array]:

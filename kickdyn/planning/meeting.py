@@ -90,7 +90,7 @@ class Meeting(ReprMixin):
         incoming: the ball as it was seen, with its ground.
         goal: the goal, seen from where the ball is met; of a trap, the motion that is wished.
         air: the air; None is the vacuum.
-        impact: the kick; None where there is none.
+        impact: the kick; None if there is none.
         share: share of the change of velocity that is reached; 0 without a kick.
         speed_use: largest joint speed over its limit; nan without a kick.
         reason: why there is no kick, or which bodies collide in it, where another one is preferred.
@@ -154,18 +154,18 @@ class Meeting(ReprMixin):
 
         def launch(change: Array) -> tuple[BallState, Air | None]:
             change = free * change  # a ball stays on the ground on which it rolls
-            moved = BallState(
+            state = BallState(
                 seen.position + change[4:], seen.velocity + change[1:4], seen.spin, seen.time
             )
-            come = _near(replace(incoming, state=moved).course(ball, air, wait + TIME_BEYOND), wait)
+            path = _near(replace(incoming, state=state).course(ball, air, wait + TIME_BEYOND), wait)
 
             def gap(t: float) -> float:
-                apart = come(t).position - foot - velocity * (t - wait - change[0])
+                apart = path(t).position - foot - velocity * (t - wait - change[0])
                 return math.hypot(*apart) - ball.radius
 
             width = 4e-4 + 4.0 * float(np.abs(change).max()) * (1.0 + wait)
             t = float(brentq(gap, wait - width, wait + width, xtol=1e-15, rtol=1e-14))
-            before = come(t)
+            before = path(t)
             normal = before.position - foot - velocity * (t - wait - change[0])
             hit = strike(
                 impact.posture, impact.v_before, ball, replace(contact, normal=normal),
@@ -194,7 +194,6 @@ def _near(course: Course, wait: float) -> Callable[[float], BallState]:
     def at(t: float) -> BallState:
         inside = min(max(t, 0.0), course.duration)
         state = course.sample(inside)
-        moved = state.position + (t - inside) * state.velocity
-        return BallState(moved, state.velocity, state.spin)
+        return BallState(state.position + (t - inside) * state.velocity, state.velocity, state.spin)
 
     return at

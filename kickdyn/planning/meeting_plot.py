@@ -48,10 +48,10 @@ def meeting_figure(plan: Any) -> Figure:
         return figure
     turn = np.linspace(0.0, 2.0 * math.pi, 100)
     right.plot(10 * np.cos(turn), 10 * np.sin(turn), color="0.6")
-    for number, (name, moved, size) in enumerate(
+    for number, (name, derivative, size) in enumerate(
         _errors(plan.meeting.ball.velocity, goal.ahead, slope)
     ):
-        end = 100 * size * np.array([-(goal.left @ moved), moved[2]])
+        end = 100 * size * np.array([-(goal.left @ derivative), derivative[2]])
         right.plot([0.0, end[0]], [0.0, end[1]], "-o", linewidth=6.0 - 1.5 * number, label=name)
     right.set_aspect("equal", adjustable="datalim")
     right.set_xlabel("to the right of the target [cm]")
@@ -69,12 +69,12 @@ def _errors(
     """
     ahead = velocity / np.linalg.norm(velocity) if velocity.any() else to_target
     left = np.array([-ahead[1], ahead[0], 0.0])
-    for moved, factor, text in (
+    for derivative, factor, text in (
         (slopes.time, 1e3, "foot {:.2g} ms late"),
         (slopes.place @ ahead, 1e3, "ball {:.2g} mm ahead of where it was seen"),
         (slopes.place @ left, 1e3, "ball {:.2g} mm to the left of there"),
         (slopes.velocity @ ahead, 1e3, "ball {:.3g} mm/s faster than seen"),
     ):
-        size = error_that_matters(moved)
+        size = error_that_matters(derivative)
         if math.isfinite(size):
-            yield text.format(factor * size), moved, size
+            yield text.format(factor * size), derivative, size

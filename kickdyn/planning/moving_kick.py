@@ -61,7 +61,7 @@ LAUNCHES = 3
 
 
 class Interceptor:
-    """Where a leg can meet a ball, and what that takes.
+    """The interceptions of a ball by a leg, by the time since it was seen.
 
     Args:
         leg: that kicks.
@@ -88,7 +88,7 @@ class Interceptor:
         self._known: dict[float, Interception | InvalidInput] = {}
 
     def at(self, wait: float) -> Interception:
-        """Return what a kick takes that meets the ball some time after it was seen.
+        """Return the interception of the ball at a time since it was seen [s].
 
         Raises:
             InvalidInput: there is no such kick, with the reason.
@@ -98,22 +98,22 @@ class Interceptor:
                 self._known[wait] = self._task(wait)
             except InvalidInput as error:
                 self._known[wait] = error
-        known = self._known[wait]
-        if isinstance(known, InvalidInput):
-            raise known
-        return known
+        result = self._known[wait]
+        if isinstance(result, InvalidInput):
+            raise result
+        return result
 
     def escaping(self, wait: float) -> str:
         """Return that the ball moves away from the foot, as the end of a sentence, if it does."""
         try:
-            known = self.at(wait)
+            kick = self.at(wait)
         except InvalidInput:
             return ""
-        away = float(known.before.velocity @ known.target.contact.normal)
+        away = float(kick.before.velocity @ kick.target.contact.normal)
         if away > 0.0:
             return f"; the ball moves away from the foot at {away:.3g} m/s"
-        speed, velocity = math.hypot(*known.launch.velocity), known.before.velocity
-        ahead = float(known.launch.velocity @ velocity) / (speed or 1.0)
+        speed, velocity = math.hypot(*kick.launch.velocity), kick.before.velocity
+        ahead = float(kick.launch.velocity @ velocity) / (speed or 1.0)
         if ahead > speed > 0.0:
             return (
                 f"; the ball is faster than its launch must be, {ahead:.3g} m/s in place of "
@@ -122,7 +122,7 @@ class Interceptor:
         return ""
 
     def changes(self, waits: Array) -> Array:
-        """Return how kicks change the ball's velocity, shape `(n, 3)` [m/s].
+        """Return the changes of the ball's velocity by kicks, shape `(n, 3)` [m/s].
 
         It is 0 without a launch, and for a leg that is not turned, for which it does not count.
         Launches are planned for `LAUNCHES` of the times, and between them they are interpolated.
@@ -136,18 +136,18 @@ class Interceptor:
         if self._reach is None or self._reach.across is None:
             return np.zeros(before.shape)
         chosen = np.unique(np.linspace(0.0, len(waits) - 1.0, LAUNCHES).astype(int))
-        known, velocities = list[float](), list[Array]()
+        times, velocities = list[float](), list[Array]()
         for wait in waits[chosen].tolist():
             with suppress(InvalidInput):
                 velocities.append(self.at(wait).launch.velocity)
-                known.append(wait)
-        if not known:
+                times.append(wait)
+        if not times:
             return np.zeros(before.shape)
         rows = np.array(velocities).T
-        return np.column_stack([np.interp(waits, known, row) for row in rows]) - before
+        return np.column_stack([np.interp(waits, times, row) for row in rows]) - before
 
     def beside(self, wait: float) -> float:
-        """Return how far to the left of the impulse through the origin it then is [m], or nan."""
+        """Return the ball's distance to the left of the impulse through the origin [m], or nan."""
         try:
             task = self.at(wait)
         except InvalidInput:
@@ -334,14 +334,14 @@ def plan_interception(leg: Leg, incoming: IncomingBall, settings: KickSettings) 
             waits = waits_in_plane(waits, lambda wait: balls.beside(wait) - reach.beside)
         kicks, reasons = balls.kicks(waits.tolist())
         if not kicks:
-            first = next(iter(reasons))
+            earliest = next(iter(reasons))
             sought = (
                 f"at any of {len(waits)} times within reach" if len(waits) > 1
                 else "at the only time that was sought"
             )  # fmt: skip
             raise InvalidInput(
-                f"the ball cannot be met {sought}: {first:.3g} s after it was seen, "
-                f"{reasons[first]}{balls.escaping(first)}"
+                f"the ball cannot be met {sought}: {earliest:.3g} s after it was seen, "
+                f"{reasons[earliest]}{balls.escaping(earliest)}"
             )
         plan, collisions = _without_collisions(sorted(kicks.values(), key=lambda kick: kick.rank))
     assert plan.meeting is not None
@@ -385,8 +385,8 @@ def _mended(kick: InterceptingKick) -> KickPlan | None:
     """Return the plan of a kick in which bodies collide, where conditions against it are kept."""
     task, problem, point = kick.task, kick.problem, kick.point
     pairs, ground = set[tuple[str, str]](), kick.meeting.ground.height
-    q, rest = problem.on_robot(point)[0], problem.robot.configuration()
-    under, always = (find_depths(problem.robot, x, ground) for x in (q, rest))
+    q, initial = problem.on_robot(point)[0], problem.robot.configuration()
+    under, always = (find_depths(problem.robot, x, ground) for x in (q, initial))
     if any(abs(depth - always.get(name, 0.0)) < 1e-12 for name, depth in under.items()):
         return None  # such as the other leg, which the kick does not move
     for _ in range(MENDINGS):
@@ -414,10 +414,10 @@ def _replan(kick: InterceptingKick, plan: KickPlan, incoming: IncomingBall) -> K
         goal = settings.goal.seen_from(seen.position - last.position, later)
         settings = replace(settings, goal=goal)
     wait = incoming.meet_at - float(seen.time)
-    near = task.launch if isinstance(task.launch, Launch) else None
+    earlier = task.launch if isinstance(task.launch, Launch) else None
     with one_thread():
         try:
-            balls = Interceptor(task.leg, settings, incoming, near, max(wait, SHORTEST_COURSE))
+            balls = Interceptor(task.leg, settings, incoming, earlier, max(wait, SHORTEST_COURSE))
             task = balls.at(min(wait, balls.course.duration))
             problem = task.problem(kick.problem)
             start = task.exactly(problem, problem.variables.point(kick.point.x))

@@ -144,10 +144,10 @@ def plan_pass(
         else:
             speed, obstacle = min(goal.speed, limit), None
         velocity, course = play(speed, turn)
-        aside = float(goal.left @ course.rest.position)  # the target lies on the line
-        if abs(aside) <= ACCURACY:
+        lateral_miss = float(goal.left @ course.rest.position)  # the target lies on the line
+        if abs(lateral_miss) <= ACCURACY:
             break
-        turn -= math.atan2(aside, goal.distance)
+        turn -= math.atan2(lateral_miss, goal.distance)
     on_time = course.status == "at-plane"
     if duration is not None:
         on_time = on_time and abs(course.duration - duration) <= ACCURACY
@@ -155,11 +155,11 @@ def plan_pass(
         obstacle = LaunchLimit.LEAST_SPEED
     elif speed != goal.speed:
         on_time, obstacle = False, LaunchLimit.SPEED
-    if on_time and abs(aside) <= ACCURACY:
+    if on_time and abs(lateral_miss) <= ACCURACY:
         status, obstacle = PlanStatus.MET, None
     else:
         status, obstacle = PlanStatus.UNREACHABLE, obstacle or LaunchLimit.BOUNCE
-    return Pass(status, goal, obstacle, velocity, goal.spin, ball, air, course, aside)
+    return Pass(status, goal, obstacle, velocity, goal.spin, ball, air, course, lateral_miss)
 
 
 def _solve_speed(delay: Callable[[float], float], limit: float) -> tuple[float, LaunchLimit | None]:

@@ -40,7 +40,7 @@ FAULTS = {
 
 
 def passage_of(wall: Wall, plan: KickPlan) -> Passage | None:
-    """Return how the ball of a plan passes a wall; None where it comes down before."""
+    """Return the passage of a plan's ball by a wall; None if it comes down before."""
     return passage_on(plan.path, wall, plan.aim.ahead, plan.impact.ball.radius)
 
 
@@ -61,10 +61,10 @@ def describe_passage(wall: Wall, plan: KickPlan) -> str:
 
 
 def score(plan: KickPlan) -> Score:
-    """Return how a kick meets the goal."""
+    """Return the score of a kick at the goal."""
     radius, path = plan.impact.ball.radius, plan.path
-    moved = path.sample(path.duration).position - path.launch.position
-    ahead, left, up = moved.tolist()
+    displacement = path.sample(path.duration).position - path.launch.position
+    ahead, left, up = displacement.tolist()
     arrives = plan.aim.target[0] - ahead <= 1e-3 and up > -radius
     return score_at(left, up, radius, arrives=arrives)
 
@@ -199,7 +199,7 @@ class PlanReport:
 
 
 def _describe_meeting(plan: KickPlan) -> list[str]:
-    """Return where a ball that moves is met, and how exact that must be, as sentences."""
+    """Return the place of the meeting with a moving ball, and its tolerances, as sentences."""
     meeting = plan.meeting
     if meeting is None:
         return []
@@ -252,16 +252,16 @@ def _verdict_of_trap(plan: KickPlan) -> str:
     spin = math.hypot(*after.spin)
     moves = f"with {after.speed:.3g} m/s" if plan.share < 1.0 or wished.any() else "at rest"
     turns = f", with a spin of {spin:.3g} rad/s" if spin > 1e-9 else ""
-    left = f"The foot leaves the ball {moves}{turns}"
+    release = f"The foot leaves the ball {moves}{turns}"
     if plan.share < 1.0:
         wish = f"velocity of {math.hypot(*wished):.3g} m/s" if wished.any() else "rest"
         line = (
             f"The wished {wish} is beyond the limits of the leg{_limits(plan)}: it can give the "
-            f"ball {plan.share:.0%} of the change of velocity. {left}, "
+            f"ball {plan.share:.0%} of the change of velocity. {release}, "
             f"{plan.velocity_error:.3g} m/s off the wish."
         )
     else:
-        line = f"{left}; the computed velocity is {plan.velocity_error:.2g} m/s off."
+        line = f"{release}; the computed velocity is {plan.velocity_error:.2g} m/s off."
         line += FAULTS[plan.status]
     assert isinstance(path, Course)
     rests = "rests" if path.status == "at-rest" else "is"
@@ -318,7 +318,7 @@ def _limits(plan: KickPlan) -> str:
 
 
 def unreachable_json(goal: Goal, error: OutOfReach) -> dict[str, Any]:
-    """Return what `--json` writes of a goal that nothing meets."""
+    """Return the output of `--json` for a goal that nothing meets."""
     nearest = None
     match error.nearest:
         case Launch() as launch:
@@ -334,7 +334,7 @@ def unreachable_json(goal: Goal, error: OutOfReach) -> dict[str, Any]:
 
 
 def _least_friction(frame: str, plan: KickPlan) -> float | None:
-    """Return the least coefficient of friction under a support; None where it is not pressed."""
+    """Return the least coefficient of friction under a support; None if it is not pressed."""
     x, y, z = plan.impact.support_impulses[frame][:3].tolist()
     return math.hypot(x, y) / z if z > 0.0 else None
 
@@ -365,7 +365,7 @@ def _attributes(source: object, names: str) -> dict[str, Any]:
 
 
 def _launch_lines(plan: KickPlan) -> list[str]:
-    """Return the launch, or of a plan beyond limits what is reached and what is wished."""
+    """Return the launch, or the reached and the wished one of a plan beyond limits."""
     wished = plan.launch.velocity
     lines = [("reached", plan.impact.ball_after.velocity), ("wished", wished)]
     if plan.share == 1.0:

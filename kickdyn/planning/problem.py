@@ -39,8 +39,8 @@ def keep_last(function: Callable[[Array], Point]) -> Callable[[Array], Point]:
     Solvers of scipy ask for values and derivatives in two calls at the same place; a function that
     computes them together then does so once.
     """
-    kept = lru_cache(maxsize=1)(lambda place: function(np.frombuffer(place).copy()))
-    return lambda place: kept(place.tobytes())
+    cached = lru_cache(maxsize=1)(lambda place: function(np.frombuffer(place).copy()))
+    return lambda place: cached(place.tobytes())
 
 
 class Kind(StrEnum):
@@ -99,7 +99,7 @@ class Function(Term[Point]):
         """Return the derivatives of the value by the unknowns, shape `(k, n)`."""
 
     def total_violation(self, point: Point) -> float:
-        """Return how far the value is from where it must be, over the scale.
+        """Return the distance of the value from its bounds, over the scale.
 
         It is the length of the violation of equalities, or the sum over inequalities.
         """
@@ -182,12 +182,12 @@ class Problem(Generic[Point]):
         y = np.where(at_upper, upper, np.where(at_lower, lower, x))
         free = np.flatnonzero(~(at_lower | at_upper))
         kinds = [kind for kind in (Kind.EQUALITY, Kind.INEQUALITY) if self.functions(kind)]
-        kept = [(self.values(kind, y) <= REACHED) | (kind == Kind.EQUALITY) for kind in kinds]
-        if not len(free) or not any(keep.any() for keep in kept):
+        active = [(self.values(kind, y) <= REACHED) | (kind == Kind.EQUALITY) for kind in kinds]
+        if not len(free) or not any(keep.any() for keep in active):
             return x
 
         def evaluate(z: Array) -> tuple[Array, Array, Array]:
-            keep = np.concatenate(kept)
+            keep = np.concatenate(active)
             values = np.concatenate([self.values(kind, z) for kind in kinds])[keep]
             slopes = np.concatenate([self.slopes(kind, z) for kind in kinds])[keep][:, free]
             return values, slopes, self.slopes(Kind.OBJECTIVE, z)[0, free]
@@ -196,9 +196,9 @@ class Problem(Generic[Point]):
         count, multipliers = len(free), np.linalg.lstsq(slopes.T, gradient, rcond=None)[0]
         hessian = np.zeros((count, count))
         for column, index in enumerate(free):
-            moved = y.copy()
-            moved[index] += POLISHING_STEP
-            _, other, steeper = evaluate(moved)
+            shifted = y.copy()
+            shifted[index] += POLISHING_STEP
+            _, other, steeper = evaluate(shifted)
             change = steeper - gradient - (other - slopes).T @ multipliers
             hessian[column] = change / POLISHING_STEP
         for _ in range(POLISHINGS):

@@ -59,7 +59,7 @@ class ReachRow:
         azimuth: direction to the left of x [deg].
         elevation: direction above the horizontal [deg].
         speed: largest launch speed of which the plan is `met` [m/s]; 0 where none is.
-        beyond: least larger speed of which it is not [m/s]; None where all that were tried are.
+        beyond: least larger speed of which it is not [m/s]; None if all that were tried are.
         reason: why that one is not, or that no larger one is tried.
         carpet, turf: horizontal distance from the ball to where it comes to rest, on a level ground
             that it touches at its launch [m].
@@ -147,7 +147,7 @@ def reach(
     which takes minutes for each direction of a robot.
 
     Args:
-        robot: as for `plan_kick`.
+        robot: the leg or robot that kicks, as for `plan_kick`.
         ball: the ball.
         air: in which it flies; None is the vacuum.
         azimuths: directions to the left of x, shape `(m,)` [deg].
@@ -245,12 +245,12 @@ def _largest(
 
     `plan` returns the plan of a speed, near another one that is met.
     """
-    near: KickPlan | None = None
+    start: KickPlan | None = None
     met, beyond, reason, speed = 0.0, None, "", FIRST_SPEED
     for _ in range(MOST_TRIES):
         share = 1.0
         try:
-            planned = plan(speed, near)
+            planned = plan(speed, start)
         except InvalidInput as error:
             if not met and speed < 0.1 * FIRST_SPEED:
                 raise
@@ -259,9 +259,9 @@ def _largest(
             failed = None if planned.status == PlanStatus.MET else _why(planned)
             share = planned.share
         if failed is None:
-            if near is None and planned.motion is not None:
+            if start is None and planned.motion is not None:
                 beyond, reason = None, ""  # what failed from rest may be met from this motion
-            met, near = speed, planned
+            met, start = speed, planned
             if met >= LARGEST_SPEED:
                 reason = "the largest speed that is tried"
                 break
@@ -299,8 +299,7 @@ def _with_distances(row: ReachRow, ball: Ball, air: Air | None) -> ReachRow:
 def _write(file: str | os.PathLike[str], settings: Any, rows: Iterable[ReachRow]) -> None:
     text = io.StringIO()
     text.write(f"# {json.dumps(settings)}\n")
-    names = list(ReachRow.__dataclass_fields__)
-    writer = csv.DictWriter(text, names, lineterminator="\n")
+    writer = csv.DictWriter(text, list(ReachRow.__dataclass_fields__), lineterminator="\n")
     writer.writeheader()
     writer.writerows(asdict(row) for row in rows)
     with replacing(file) as draft:
@@ -318,14 +317,14 @@ def _read(
     source = str(file)
     if not Path(file).exists():
         return {}
-    first, _, rest = read_text(file, source, LARGEST_FILE, FaultyFile).partition("\n")
+    header, _, table = read_text(file, source, LARGEST_FILE, FaultyFile).partition("\n")
     try:
-        known = json.loads(first.removeprefix("# "))
-        rows = [_row(entry) for entry in csv.DictReader(io.StringIO(rest))]
+        written = json.loads(header.removeprefix("# "))
+        rows = [_row(entry) for entry in csv.DictReader(io.StringIO(table))]
     except (ValueError, KeyError, TypeError, RecursionError, csv.Error) as error:
         raise FaultyFile(source, [f"is not a table of kickdyn reach ({error})"]) from None
-    if known != settings:
-        stored = known if isinstance(known, dict) else {}
+    if written != settings:
+        stored = written if isinstance(written, dict) else {}
         names = sorted(name for name in settings if stored.get(name) != settings[name])
         raise InvalidInput(
             f"{source} contains the table of another {' and '.join(names)}: name another file, or "

@@ -1,4 +1,4 @@
-"""The picture of what a robot can do: launch speeds and distances by elevation."""
+"""The figure of a robot's reach: launch speeds and distances by elevation."""
 
 from typing import Any
 
@@ -22,8 +22,7 @@ def reach_figure(table: Any) -> Figure:
         )
         for name, line in (("carpet", "o-"), ("turf", "s--")):
             lengths = [getattr(row, name) for row in rows]
-            label = name if number == 0 else None
-            distances.plot(angles, lengths, line, color=colour, label=label)
+            distances.plot(angles, lengths, line, color=colour, label=name if number == 0 else None)
     speeds.set(ylabel="largest launch speed [m/s]")
     distances.set(xlabel="elevation [deg]", ylabel="distance until the ball rests [m]")
     for axes in (speeds, distances):

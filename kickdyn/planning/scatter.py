@@ -77,7 +77,7 @@ def scatter(impact: Impact, air: Air | None = None, **spread: float) -> Scatter:
 
 
 def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array, Array]:
-    """Return where a ball comes back to its height, `(2,)` [m], and the derivatives, `(2, 7)`.
+    """Return the landing at the height of the launch, `(2,)` [m], and its derivatives, `(2, 7)`.
 
     They are by velocity [s], spin [m s] and relative drag coefficient [m].
     """

@@ -70,7 +70,7 @@ class Balance(StanceTerm):
         return -self.normals @ jacobian[:2], None
 
     def distance(self, posture: Posture) -> float:
-        """Return how far the centre of mass is inside the edge of the sole [m]."""
+        """Return the distance of the centre of mass inside the edge of the sole [m]."""
         return float(self.residual(posture, np.zeros(posture.leg.nv)).min())
 
 
@@ -91,8 +91,8 @@ class Clearance(StanceTerm):
         extremes, beyond = extreme_spheres(foot)
         # the pose of the kicking foot's joint in its contact frame is the same in both models
         frame = robot.workspace.model.frames[robot.frame_id].placement
-        moved = leg.workspace.model.frames[leg.frame_id].placement * frame.inverse()
-        self._centres = np.array([moved.act(centre) for centre in foot.centres[extremes]])
+        in_leg = leg.workspace.model.frames[leg.frame_id].placement * frame.inverse()
+        self._centres = np.array([in_leg.act(centre) for centre in foot.centres[extremes]])
         self._lowest = foot.radii[extremes] + beyond + ground + CLEARANCE
 
     def residual(self, posture: Posture, v: Array) -> Array:

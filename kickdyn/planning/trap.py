@@ -36,15 +36,15 @@ def plan_trap(
     spin is braked as far as friction can do so; after a ball that rolls, some of it is left.
 
     Args:
-        leg: as for `plan_kick`.
-        incoming: the ball, as for `plan_kick`.
+        leg: the leg that kicks, as for `plan_kick`.
+        incoming: the ball that moves, as for `plan_kick`.
         ball: the ball; its mass and radius count.
         air: the air; None is the vacuum.
         velocity: of the ball just after the contact, shape `(3,)` [m/s, world frame].
         objective: a `KickObjective` of the impact; None is `joint-speed`.
-        contact: as for `plan_kick`.
-        limits: as for `plan_kick`.
-        solver: as for `plan_kick`.
+        contact: restitution, friction and offset of the contact, as for `plan_kick`.
+        limits: whether limits of speed and torque hold, as for `plan_kick`.
+        solver: name of the solver, as for `plan_kick`.
 
     Returns:
         The plan. Its `goal` is the ball with the wished velocity, without spin; `launch` is the
@@ -61,7 +61,7 @@ def plan_trap(
         >>> str(plan.status), bool(plan.impact.ball_after.speed < 1e-9)
         ('met', True)
     """
-    come = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
+    moving_ball = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
     wish = validation.vector("velocity", velocity, 3, unit="m/s")
     validation.number(
         "speed after the contact", math.hypot(*wish), at_most=FASTEST_BALL, unit="m/s"
@@ -76,4 +76,4 @@ def plan_trap(
         None,
         solver,
     )
-    return plan_interception(checked_leg(leg), come, settings)
+    return plan_interception(checked_leg(leg), moving_ball, settings)

@@ -35,7 +35,7 @@ class _Body(NamedTuple):
         lift: force transform to the parent's axes, shape `(6, 6)`; its transpose takes motions
             from there.
         inertia: of this body alone, shape `(6, 6)`.
-        joint, across: Q, and an orthonormal basis N across it, shapes `(6, k)`, `(6, 6 - k)`.
+        joint, normal: Q, and an orthonormal basis N across it, shapes `(6, k)`, `(6, 6 - k)`.
         root: R, shape `(k, k)`.
         rotor: armature as an inertia of motions along Q, :math:`R^{-T} D_r R^{-1}`, `(k, k)`.
         factor: lower Cholesky factor of D = Q^T A Q + rotor, A the inertia of all from here on.
@@ -47,7 +47,7 @@ class _Body(NamedTuple):
     lift: Array
     inertia: Array
     joint: Array
-    across: Array
+    normal: Array
     root: Array
     rotor: Array
     factor: Array
@@ -60,8 +60,8 @@ class _Body(NamedTuple):
     def pass_on(self, force: Array) -> tuple[Array, Array]:
         """Return the velocity D^-1 Q^T f along Q after a force f, and the force on the parent."""
         speed = self.solve(self.joint.T @ force)
-        rest = self.across @ (self.across.T @ force - self.coupling @ speed)
-        return speed, self.lift @ (rest + self.joint @ (self.rotor @ speed))
+        transmitted = self.normal @ (self.normal.T @ force - self.coupling @ speed)
+        return speed, self.lift @ (transmitted + self.joint @ (self.rotor @ speed))
 
 
 class ArticulatedBodies:
@@ -93,7 +93,7 @@ class ArticulatedBodies:
         return rows
 
     def respond(self, number: int, push: Array) -> tuple[Array, Array, Array]:
-        """Return the velocity jump, what joints transmit, and the momentum left over.
+        """Return the velocity jump, the impulses of joints, and the residual momentum.
 
         Shapes are `(nv,)`, `(njoints, 6)` in the joints' axes, and `(nv,)`. The push is an impulse
         on the body of the joint with this number, in its axes, `(6,)` [N s, N m s].
@@ -107,11 +107,11 @@ class ArticulatedBodies:
         motions = np.zeros((len(self.bodies) + 1, 6))
         for i, body in enumerate(self.bodies, start=1):
             parent_motion = body.lift.T @ motions[body.parent]
-            sideways, parent_rate = body.across.T @ parent_motion, body.joint.T @ parent_motion
+            sideways, parent_rate = body.normal.T @ parent_motion, body.joint.T @ parent_motion
             rate = speeds.get(i, 0.0) + body.solve(
                 body.rotor @ parent_rate - body.coupling.T @ sideways
             )
-            motions[i] = body.joint @ rate + body.across @ sideways
+            motions[i] = body.joint @ rate + body.normal @ sideways
             jump[body.columns] = np.linalg.solve(body.root, rate - parent_rate)
         transmitted = np.zeros((len(self.bodies) + 1, 6))
         transmitted[number] -= push
@@ -126,9 +126,9 @@ class ArticulatedBodies:
 
 def _joined(model: Any, data: Any, number: int, inertia: Array) -> _Body:
     """Return a body, from its inertia with all that hangs from it."""
-    first, size = model.idx_vs[number], model.nvs[number]
-    columns = slice(first, first + size)
-    joint, root, across = _orthonormal(
+    index, size = model.idx_vs[number], model.nvs[number]
+    columns = slice(index, index + size)
+    joint, root, normal = _orthonormal(
         np.asarray(data.joints[number].S, dtype=float).reshape(6, size)
     )
     inverse = np.linalg.inv(root)
@@ -141,11 +141,11 @@ def _joined(model: Any, data: Any, number: int, inertia: Array) -> _Body:
         lift=data.liMi[number].toDualActionMatrix(),
         inertia=model.inertias[number].matrix(),
         joint=joint,
-        across=across,
+        normal=normal,
         root=root,
         rotor=rotor,
         factor=factor,
-        coupling=across.T @ drive,
+        coupling=normal.T @ drive,
     )
 
 
@@ -160,24 +160,24 @@ def _orthonormal(joint: Array) -> tuple[Array, Array, Array]:
     if moves.all(axis=0).any():
         basis, root = np.linalg.qr(joint, mode="complete")
         return basis[:, :size], root[:size], basis[:, size:]
-    along, root, across, free = np.zeros((6, size)), np.zeros((size, size)), np.zeros((6, 6)), 0
+    along, root, normal, free = np.zeros((6, size)), np.zeros((size, size)), np.zeros((6, 6)), 0
     for rows, columns in zip((slice(0, 3), slice(3, 6)), moves, strict=True):
         basis, upper = np.linalg.qr(joint[rows, columns], mode="complete")
         count = upper.shape[1]
         along[rows, columns] = basis[:, :count]
         root[np.ix_(columns, columns)] = upper[:count]
-        across[rows, free : free + 3 - count] = basis[:, count:]
+        normal[rows, free : free + 3 - count] = basis[:, count:]
         free += 3 - count
-    return along, root, across[:, :free]
+    return along, root, normal[:, :free]
 
 
 def _resisting(body: _Body, inertia: Array) -> Array:
     """Return the inertia that a body adds to its parent's: without the motion of its joint."""
-    joint, across, coupling = body.joint, body.across, body.coupling
-    kept = across.T @ inertia @ across - coupling @ body.solve(coupling.T.copy())
-    added = across @ kept @ across.T
+    joint, normal, coupling = body.joint, body.normal, body.coupling
+    projected = normal.T @ inertia @ normal - coupling @ body.solve(coupling.T.copy())
+    added = normal @ projected @ normal.T
     if body.rotor.any():  # a rotor resists along the joint too
         reflected = joint @ body.solve(body.rotor).T  # rotor D^-1
-        aside = reflected @ coupling.T @ across.T
-        added += aside + aside.T + reflected @ (joint.T @ inertia @ joint) @ joint.T
+        cross_term = reflected @ coupling.T @ normal.T
+        added += cross_term + cross_term.T + reflected @ (joint.T @ inertia @ joint) @ joint.T
     return np.asarray(added)

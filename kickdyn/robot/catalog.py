@@ -46,7 +46,7 @@ SIDE = np.radians(15.0)
 
 @dataclass(frozen=True)
 class Robot:
-    """Where a robot's file is, and what its names mean.
+    """A robot's file, and the meaning of its names.
 
     Attributes:
         file: its URDF, below the package's folder of robots.
@@ -106,14 +106,14 @@ ROBOTS = {
 def read_robot(name: str, base: str) -> tuple[UrdfFile, Any]:
     """Return the URDF of a robot and its `pin.Model`, its base turned to x forward, z up."""
     check_base(base)
-    known = ROBOTS[name]
-    file = read_urdf(robots_folder() / known.file)
+    entry = ROBOTS[name]
+    file = read_urdf(robots_folder() / entry.file)
     model = build_model(file.text, file.source, "floating")
     model.name = name
-    model = turn_body(model, 1, pin.rpy.rpyToMatrix(*np.radians(known.turn_deg)))
+    model = turn_body(model, 1, pin.rpy.rpyToMatrix(*np.radians(entry.turn_deg)))
     if base == "fixed":
         model = reduce_model(model, [model.names[1]], pin.neutral(model))
-    add_contact_points(model, known.foot, known.contact_points)
+    add_contact_points(model, entry.foot, entry.contact_points)
     return file, model
 
 
@@ -150,11 +150,11 @@ def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:
 
     It is downloaded the first time.
     """
-    known = _description_names()
-    if name not in known:
-        near = get_close_matches(str(name)[:200], [*ROBOTS, *known], 1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        more = "a name of robot_descriptions" if known else f"install more with {INSTALL}"
+    available = _description_names()
+    if name not in available:
+        matches = get_close_matches(str(name)[:200], [*ROBOTS, *available], 1)
+        hint = f"did you mean {matches[0]!r}? " if matches else ""
+        more = "a name of robot_descriptions" if available else f"install more with {INSTALL}"
         raise InvalidInput(
             f"robot {name!r} is unknown: {hint}choose {', '.join(ROBOTS)}, or {more}"
         )

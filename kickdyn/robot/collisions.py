@@ -96,10 +96,10 @@ _pairs: WeakKeyDictionary[Leg, BodyPairs] = WeakKeyDictionary()
 
 def bodies_at(leg: Leg, frame: str, *, meshes: bool = True) -> list[Body]:
     """Return the convex shapes that a leg's file has at a frame, or those that are no meshes."""
-    known, key = _known.setdefault(leg, {}), (frame, meshes)
-    if key not in known:
-        known[key] = [_body(frame, spheres) for spheres in shapes_of(leg, frame, meshes=meshes)]
-    return known[key]
+    cache, key = _known.setdefault(leg, {}), (frame, meshes)
+    if key not in cache:
+        cache[key] = [_body(frame, spheres) for spheres in shapes_of(leg, frame, meshes=meshes)]
+    return cache[key]
 
 
 def _body(frame: str, spheres: Spheres) -> Body:
@@ -146,15 +146,15 @@ class Placed:
 
     def bodies_near(self, point: Array, radius: float) -> list[Body]:
         """Return the bodies that may be inside a sphere; no mesh that is farther away is read."""
-        near = []
+        bodies = []
         for frame, pose in self.poses.items():
             meshes = bool(np.linalg.norm(pose.translation - point) < LARGEST_MESH + radius)
-            near += [
+            bodies += [
                 body
                 for body in bodies_at(self._leg, frame, meshes=meshes)
                 if np.linalg.norm(pose.act(body.pose.translation) - point) < body.reach + radius
             ]
-        return near
+        return bodies
 
     def least_distances(self, pairs: BodyPairs) -> Array:
         """Return lower bounds of the distances of pairs, shape `(k,)` [m]."""
@@ -177,19 +177,18 @@ class Placed:
         """Return a body's pose in the world, of coal: it is asked for with many other bodies."""
         if id(body) not in self._placed:
             pose = self.poses[body.frame] * body.pose
-            transform = self._coal.Transform3s(pose.rotation, pose.translation)
-            self._placed[id(body)] = body, transform
+            self._placed[id(body)] = body, self._coal.Transform3s(pose.rotation, pose.translation)
         return self._placed[id(body)][1]
 
     def proximity(self, body: Body, other: Body) -> Proximity:
-        """Return how a body is placed beside another [m, world frame]."""
+        """Return depth, point and normal of a body in another [m, world frame]."""
         request, result = self._coal.DistanceRequest(), self._coal.DistanceResult()
         places = self._place(body), self._place(other)
         self._coal.distance(body.shape, places[0], other.shape, places[1], request, result)
         return Proximity(-result.min_distance, result.getNearestPoint1(), result.normal)
 
     def find_overlaps(self, pairs: Iterable[tuple[Body, Body]]) -> dict[tuple[str, str], float]:
-        """Return how deep bodies are inside each other [m], by frames, the deepest first."""
+        """Return the depths of bodies inside each other [m], by frames, the deepest first."""
         depths: dict[tuple[str, str], float] = {}
         for body, other in pairs:
             frames, depth = (body.frame, other.frame), self.proximity(body, other).depth
@@ -199,17 +198,16 @@ class Placed:
 
 
 def find_ball_overlaps(posture: Posture, centre: Array, radius: float) -> dict[str, float]:
-    """Return how deep bodies are inside a ball [m], by frame, the deepest first."""
+    """Return the depths of bodies inside a ball [m], by frame, the deepest first."""
     leg = posture.leg
     placed = Placed(leg, body_frames(leg), leg.workspace.model, leg.workspace.data, posture.q)
-    near = placed.bodies_near(centre, radius)
     ball = placed.place_ball(centre, radius)
-    overlaps = placed.find_overlaps((body, ball) for body in near)
+    overlaps = placed.find_overlaps((body, ball) for body in placed.bodies_near(centre, radius))
     return {frame: depth for (frame, _), depth in overlaps.items()}
 
 
 def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
-    """Return how deep `body_pairs` are inside each other [m], by frames, the deepest first."""
+    """Return the depths of `body_pairs` inside each other [m], by frames, the deepest first."""
     space = leg.workspace
     placed = Placed(leg, body_frames(leg), space.model, space.data, q)
     return placed.find_overlaps(placed.near(body_pairs(leg)))
@@ -269,8 +267,8 @@ def find_forks(leg: Leg) -> set[frozenset[str]]:
         origins = np.array([data.oMi[number].translation for number in (before, joint)])
         along = np.linalg.lstsq(axes * [1.0, -1.0], origins[1] - origins[0])[0]
         places = origins + along[:, None] * axes.T
-        across = np.linalg.norm(np.cross(*axes.T)) > ACROSS
-        if not across or np.linalg.norm(places[1] - places[0]) > MEETING:
+        inclined = np.linalg.norm(np.cross(*axes.T)) > ACROSS
+        if not inclined or np.linalg.norm(places[1] - places[0]) > MEETING:
             continue
         sides = [
             [

@@ -61,8 +61,7 @@ class Support(ValueEquality):
 
     def __post_init__(self) -> None:
         validation.check_type(str, frame=self.frame)
-        point = validation.flag(f"point of {self.frame}", self.point)
-        object.__setattr__(self, "point", point)
+        object.__setattr__(self, "point", validation.flag(f"point of {self.frame}", self.point))
         if self.friction is not None:
             friction = validation.number(f"friction under {self.frame}", self.friction, at_least=0)
             object.__setattr__(self, "friction", friction)
@@ -203,8 +202,8 @@ class Constraints:
     @property
     def loop_rows(self) -> slice:
         """The rows of the loops in A."""
-        first = sum(support.size for support in self.supports)
-        return slice(first, first + 3 * len(self.loops))
+        start = sum(support.size for support in self.supports)
+        return slice(start, start + 3 * len(self.loops))
 
     @property
     def stiff_rows(self) -> slice:
@@ -252,8 +251,8 @@ class Constraints:
                     f"{LOOP_TOLERANCE:g} m (Leg.close_loops(q) closes it)"
                 )
 
-    def close_loops(self, model: Any, data: Any, q: Array, kept: Sequence[int]) -> Array:
-        """Return the configuration of `Leg.close_loops`; `kept` are indices in v."""
+    def close_loops(self, model: Any, data: Any, q: Array, fixed: Sequence[int]) -> Array:
+        """Return the configuration of `Leg.close_loops`; `fixed` are indices in v."""
         between = np.zeros(model.nv)  # 1 for joints between the ends of a loop
         for ends in self._looped:
             first_path, second_path = (set(model.supports[end.joint]) for end in ends)
@@ -262,11 +261,11 @@ class Constraints:
         coupled = self.gears.coupled  # a mimic joint moves as its driver does
         between[coupled[(coupled & (between > 0.0)).any(axis=1)].any(axis=0)] = 1.0
         free = between.copy()
-        free[kept] = 0.0
-        free[coupled[coupled[:, kept].any(axis=1)].any(axis=0)] = 0.0
-        near, gaps, rank = self._newton(model, data, q, free)
+        free[fixed] = 0.0
+        free[coupled[coupled[:, fixed].any(axis=1)].any(axis=0)] = 0.0
+        closed, gaps, rank = self._newton(model, data, q, free)
         if not _is_open(gaps):
-            return near
+            return closed
         away = pin.difference(model, pin.neutral(model), q) * between
         followed, lead = self.gears.follow(pin.integrate(model, q, -away)), away * (1.0 - free)
         stages = max(1, math.ceil(float(np.abs(lead).max()) / 0.1))  # of 0.1 rad or m at most
@@ -354,7 +353,7 @@ class ConstraintProjector(ReadOnlyArrays):
         return np.asarray(whitened - self._basis.dot(self._basis.T.dot(whitened)))
 
     def impulses(self, whitened: Array) -> Array:
-        """Return the constraints' impulses that answer L^-1 times an impulse, shape `(size,)`."""
+        """Return the constraints' impulses after L^-1 times an impulse, shape `(size,)`."""
         blocked = self._basis.T.dot(whitened)
         if self.rank == len(self.rows):
             scaled = blas.dtrsv(self._factor, -blocked)

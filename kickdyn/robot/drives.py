@@ -122,6 +122,6 @@ def load_drives(drives: Mapping[str, Drive] | str | PathLike[str]) -> dict[str, 
 
 
 def catalogued_drives(robot: str) -> Path | None:
-    """Return the file of a robot's drives that comes with kickdyn; None where there is none."""
+    """Return the file of a robot's drives that comes with kickdyn; None if there is none."""
     path = shipped("drives") / f"{robot.removesuffix('_reduced')}.toml"
     return path if path.exists() else None

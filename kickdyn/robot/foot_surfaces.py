@@ -104,9 +104,9 @@ def foot_surfaces(leg: Leg) -> dict[str, FootSurface]:
     is_left, surfaces = hull.min_bound[1] + hull.max_bound[1] + 2.0 * origin[1] > 0.0, {}
     for name, degrees in SURFACES.items():
         direction, low, high = np.radians(degrees) * (-1.0 if is_left else 1.0, 1.0, 1.0)
-        left, up = np.meshgrid(direction + SIDE * np.arange(-1, 2), np.linspace(low, high, 3))
+        side, up = np.meshgrid(direction + SIDE * np.arange(-1, 2), np.linspace(low, high, 3))
         level = np.cos(up)
-        normals = np.stack([level * np.cos(left), level * np.sin(left), np.sin(up)], axis=-1)
+        normals = np.stack([level * np.cos(side), level * np.sin(side), np.sin(up)], axis=-1)
         point = on_foot.get(name)
         if point is None:
             point = _contact_point(hull, normals.reshape(-1, 3))
@@ -164,7 +164,7 @@ def _contact_point(hull: ConvexHull, normals: Array) -> Array:
 
 
 def _size(hull: ConvexHull, normal: Array) -> Array:
-    """Return how far a hull reaches near its tangent plane, level and upwards, `(2,)` [m]."""
+    """Return the extent of a hull near its tangent plane, level and upwards, `(2,)` [m]."""
     edges = hull.points[hull.simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)]
     heights = edges @ normal
     above = heights - (heights.max() - PATCH_DEPTH)

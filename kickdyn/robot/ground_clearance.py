@@ -82,7 +82,7 @@ def extreme_spheres(
 
 
 def find_depths(leg: Leg, q: Array, floor: float) -> dict[str, float]:
-    """Return how deep bodies are under the ground [m], by frame, the deepest first.
+    """Return the depths of bodies under the ground [m], by frame, the deepest first.
 
     A body is `shape_of` a frame; `floor` is the height of the ground [m, world frame].
     """

@@ -1,4 +1,4 @@
-"""The joint-space inertia and the Jacobian of a contact point: what an impulse there does."""
+"""The joint-space inertia and the Jacobian of a contact point: the response to an impulse there."""
 
 import math
 from functools import cached_property

@@ -271,10 +271,10 @@ class JointTable:
         return lines
 
     def _look_like_degrees(self, q: ArrayLike) -> bool:
-        turned = {name: abs(x) for name, x in self.joint_values(q).items() if x}
-        reach = {name: max(map(abs, self.joint_range(name))) for name in turned}
-        angles = [name for name in turned if self.joint_unit(name) == "rad"]
-        return bool(angles) and all(turned[a] > DEGREES_FACTOR * reach[a] for a in angles)
+        sizes = {name: abs(x) for name, x in self.joint_values(q).items() if x}
+        reach = {name: max(map(abs, self.joint_range(name))) for name in sizes}
+        angles = [name for name in sizes if self.joint_unit(name) == "rad"]
+        return bool(angles) and all(sizes[a] > DEGREES_FACTOR * reach[a] for a in angles)
 
     def too_fast(self, v: ArrayLike) -> list[str]:
         """Return a line for each joint of one degree of freedom that is faster than its limit.
@@ -304,16 +304,16 @@ class JointTable:
         self, q: ArrayLike, places: NDArray[np.int64], angles: NDArray[np.bool_]
     ) -> Array:
         """Return q, shape `(nq,)`, of the same or of a short one, see `_short_form`."""
-        given = validation.floats("q", q)
-        if given.shape == places.shape:
+        values = validation.floats("q", q)
+        if values.shape == places.shape:
             full = np.zeros(self.nq)
-            full[places] = np.where(angles, np.cos(given), given)
-            full[places[angles] + 1] = np.sin(given[angles])
+            full[places] = np.where(angles, np.cos(values), values)
+            full[places[angles] + 1] = np.sin(values[angles])
             return self.gears.follow(full)
-        if given.shape == (self.nq,):
-            return self.gears.check(given)
+        if values.shape == (self.nq,):
+            return self.gears.check(values)
         raise InvalidInput(
-            f"q has shape {given.shape}: it must be {places.shape}, with one angle for each "
+            f"q has shape {values.shape}: it must be {places.shape}, with one angle for each "
             f"continuous joint and no mimic joints, or ({self.nq},), with all that "
             "Leg.configuration returns"
         )
@@ -327,11 +327,11 @@ class JointTable:
         model, places, angles = self._model, list[int](), list[bool]()
         mimicking = {mimic.joint for mimic in self.mimics}
         for joint in range(1, model.njoints):
-            first, nq = model.idx_qs[joint], model.nqs[joint]
+            index, nq = model.idx_qs[joint], model.nqs[joint]
             turns = (nq, model.nvs[joint]) == (2, 1)
             if model.names[joint] not in mimicking:
                 size = 1 if turns else nq
-                places += range(first, first + size)
+                places += range(index, index + size)
                 angles += [turns] * size
         return None if len(places) == model.nq else (np.array(places), np.array(angles))
 

@@ -69,15 +69,15 @@ def kicking_chain(
             has; or one of the joints mimics another or is mimicked.
     """
     model = robot.model
-    kept = path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
+    joints = path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
     if branches:
-        kept = [int(joint) for joint in model.subtrees[path[0]]]
+        joints = [int(joint) for joint in model.subtrees[path[0]]]
     elif wide := [str(model.names[joint]) for joint in path if model.nqs[joint] != 1]:
         raise InvalidInput(
             f"joint {wide[0]!r} moves the contact frame of {robot.name} by more than one "
             "coordinate: every joint of the kicking chain must have one, and the base must be fixed"
         )
-    names = {str(model.names[joint]) for joint in kept}
+    names = {str(model.names[joint]) for joint in joints}
     for mimic in robot.mimics:
         if mimic.joint in names or mimic.driver in names:
             raise InvalidInput(
@@ -88,7 +88,7 @@ def kicking_chain(
     leg = robot
     if locked := [name for name in robot.joint_names if name not in names]:
         leg = robot.with_model(reduce_model(model, locked, rest_configuration(robot, others)))
-    return KickingChain(leg, *coordinate_indices(model, kept))
+    return KickingChain(leg, *coordinate_indices(model, joints))
 
 
 def with_angles(robot: Leg) -> Leg:

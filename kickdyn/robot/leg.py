@@ -72,7 +72,7 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
         stiff_joints: joints whose velocity an impact does not change.
         drives: by joint, as given; their rotors and limits are in the model.
         base_velocity: of the fixed base, at the world's origin: linear, then angular, shape `(6,)`
-            [m/s, rad/s, world axes]; None where it is at rest.
+            [m/s, rad/s, world axes]; None if it is at rest.
         constraints: by supports, loops, mimic joints and stiff joints; None without any.
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
     """
@@ -119,8 +119,8 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
             InvalidInput: a value that is out of range or unknown, or a height without a mass.
         """
         if height is None and mass is None:
-            given = (sex, side, model, frame, base, validation.brief(segments))
-            if given != ("male", "right", "paper", "toe", "fixed", "'de Leva'"):
+            options = (sex, side, model, frame, base, validation.brief(segments))
+            if options != ("male", "right", "paper", "toe", "fixed", "'de Leva'"):
                 raise InvalidInput(
                     "height and mass are None: sex, side, model, frame, base and segments are for "
                     "a leg of a given height and mass"
@@ -288,11 +288,11 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
         (file, model), (frame, cone) = read_robot(name, base), ROBOTS[name].contact(frame)
         leg = cls(model, frame, file, contact_normal_cone=cone)
         leg = leg._with_drives_of(drives, catalogued_drives(name)).locked(locked or {})
-        kept = (*ROBOTS[name].legs, "root_joint")
-        outside = [joint for joint in leg.joint_names if not joint.startswith(kept)]
+        prefixes = (*ROBOTS[name].legs, "root_joint")
+        outside = [joint for joint in leg.joint_names if not joint.startswith(prefixes)]
         if legs_only and outside:
-            aside = {joint: q for joint, q in ROBOTS[name].aside.items() if joint in outside}
-            leg = leg.with_model(reduce_model(leg.model, outside, leg.configuration(aside)))
+            angles = {joint: q for joint, q in ROBOTS[name].aside.items() if joint in outside}
+            leg = leg.with_model(reduce_model(leg.model, outside, leg.configuration(angles)))
         if fault := _find_fault(leg):
             hint = "" if legs_only else " (legs_only=True keeps the legs' joints)"
             raise InvalidInput(f"{fault}{hint}")
@@ -379,10 +379,10 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
         """
         if isinstance(keep, str) or not isinstance(keep, Iterable):
             raise InvalidInput(f"keep is {keep!r}: it must be a list of joints' names")
-        q, kept = self.check_configuration(q), [self.velocity_index(name) for name in keep]
+        q, fixed = self.check_configuration(q), [self.velocity_index(name) for name in keep]
         if self.constraints is None or not self.constraints.loops:
             return q
-        return self.constraints.close_loops(self.workspace.model, self.workspace.data, q, kept)
+        return self.constraints.close_loops(self.workspace.model, self.workspace.data, q, fixed)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -402,12 +402,12 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
     def open_loops(self) -> tuple[str, ...]:
         """A line for each pair of frames that look like the ends of a loop which is not closed."""
         closed = [] if self.constraints is None else self.constraints.loops
-        known = {frozenset(loop) for loop in closed}
+        pairs = {frozenset(loop) for loop in closed}
         return tuple(
             f"{a} and {b} are at one place at q = 0, each at the end of a branch: if they are the "
             f"ends of a loop, close it by with_loops(({a!r}, {b!r})) (--loop {a}:{b})"
             for a, b in find_open_loops(self.workspace.model, self.workspace.data)
-            if frozenset((a, b)) not in known
+            if frozenset((a, b)) not in pairs
         )
 
     def __repr__(self) -> str:
@@ -493,8 +493,7 @@ class Posture(JointSpace, ReprMixin):
 
     @cached_property
     def _with_stiff_joints_free(self) -> "Posture":
-        free = self.leg.with_stiff_joints().posture(self.q)
-        return free.with_contact_offset(self.contact_offset)
+        return self.leg.with_stiff_joints().posture(self.q).with_contact_offset(self.contact_offset)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -547,7 +546,7 @@ class Posture(JointSpace, ReprMixin):
         }
 
     def drive_number(self, contact_time: float) -> dict[str, float]:
-        r"""Return where drives are between free and stiff in a contact of time T, by joint.
+        r"""Return the dimensionless stiffness of drives in a contact of time T, by joint.
 
         The number is :math:`T \sqrt{k / M_{jj}}`, the contact time times the natural frequency of
         the joint, whose `Drive` has the stiffness k, with all others at rest. Far below 1, the
@@ -593,10 +592,10 @@ class Posture(JointSpace, ReprMixin):
         v, missed, is_possible = self._least_energy_velocity(wish)
         if not is_possible:
             noise = 1e-12 * np.abs(wish).max()
-            near = [float(f"{x:.10g}") if abs(x) > noise else 0.0 for x in wish - missed]
+            nearest = [float(f"{x:.10g}") if abs(x) > noise else 0.0 for x in wish - missed]
             raise InvalidInput(
                 f"point velocity {wish.tolist()} m/s is out of reach of {self!r}: its contact "
-                f"point cannot move in that direction there; the nearest velocity is {near} m/s"
+                f"point cannot move in that direction there; the nearest velocity is {nearest} m/s"
             )
         if not np.isfinite(v).all():
             raise InvalidInput(
@@ -606,13 +605,13 @@ class Posture(JointSpace, ReprMixin):
         return v
 
     def try_joint_velocity(self, wish: ArrayLike) -> Array | None:
-        """Return what `joint_velocity` returns, or None where it would raise `InvalidInput`."""
+        """Return the result of `joint_velocity`, or None if it would raise `InvalidInput`."""
         wish = validation.vector("point velocity", wish, 3, unit="m/s")
         v, _, is_possible = self._least_energy_velocity(wish)
         return v if is_possible and np.isfinite(v).all() else None
 
     def _least_energy_velocity(self, wish: Array) -> tuple[Array, Array, bool]:
-        """Return v for the nearest possible velocity, what that misses [m/s], and if it is 0.
+        """Return v for the nearest possible velocity, the residual [m/s], and whether it is 0.
 
         What is missed is NaN, and counts as 0, where v is too fast for a float64.
         """
@@ -699,7 +698,7 @@ def _facing_x(model: Any, facing: str) -> Any:
 
 
 def _find_fault(leg: Leg) -> str:
-    """Return what is wrong with the model of a leg that was read; empty if it has a posture.
+    """Return the fault in the model of a leg that was read; empty if it has a posture.
 
     Some legs are singular where they are straight, so a bent posture is tried too.
     """

@@ -183,8 +183,8 @@ class LegModel(JointTable):
                 if value is not None:
                     values[self.velocity_index(joint)] = value
             setattr(model, attribute, values)
-        given = {joint: entries[int(number)] for joint, number in numbers.items()}
-        return replace(self.with_model(model), drives={**self.drives, **given})
+        by_joint = {joint: entries[int(number)] for joint, number in numbers.items()}
+        return replace(self.with_model(model), drives={**self.drives, **by_joint})
 
     def _with_drives_of(self, drives: Drives | bool, usual: Path | None = None) -> Self:
         """Return the leg with drives: for True the usual ones, for False none."""

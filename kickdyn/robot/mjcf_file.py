@@ -133,10 +133,10 @@ class MjcfFile(RobotFile):
                 size = [2 * edge for edge in size]
             elif shape == Shape.MESH:
                 data, size = compiled.mesh(int(compiled.geom_dataid[number])), [1.0]
-                first, count = int(data.vertadr[0]), int(data.vertnum[0])
-                vertices = compiled.mesh_vert[first : first + count].astype(float)
-                first, count = int(data.faceadr[0]), int(data.facenum[0])
-                faces = compiled.mesh_face[first : first + count].astype(int)
+                begin, count = int(data.vertadr[0]), int(data.vertnum[0])
+                vertices = compiled.mesh_vert[begin : begin + count].astype(float)
+                begin, count = int(data.faceadr[0]), int(data.facenum[0])
+                faces = compiled.mesh_face[begin : begin + count].astype(int)
             pose = mujoco_pose(geom.pos, geom.quat).homogeneous
             body = body_name(compiled, int(geom.bodyid[0]))
             shapes.append(

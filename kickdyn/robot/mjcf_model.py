@@ -148,12 +148,12 @@ class _Builder:
     def _add_joints(self, body: int, joint: int) -> int:
         """Add the joints of a body, which the given one carries; return the last one."""
         compiled, name = self.compiled, body_name(self.compiled, body)
-        first = int(compiled.body_jntadr[body])
-        numbers = range(first, first + int(compiled.body_jntnum[body]))
+        index = int(compiled.body_jntadr[body])
+        numbers = range(index, index + int(compiled.body_jntnum[body]))
         kinds = [int(compiled.jnt_type[number]) for number in numbers]
         if self.base == "floating" and not compiled.body_parentid[body]:
             base = pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint"
-            theirs = first if FREE in kinds else -1
+            theirs = index if FREE in kinds else -1
             start = mujoco_pose(compiled.body_pos[body], compiled.body_quat[body])
             joint = self._add_joint(joint, theirs, start, *base)
         for number, kind in zip(numbers, kinds, strict=True):
@@ -365,7 +365,7 @@ def mujoco_state(model: Any, q: Array, v: Array, compiled: Any = None) -> tuple[
     qpos, qvel = compiled.qpos0.copy(), np.zeros(compiled.nv)
     for joint, (positions, velocities) in states.items():
         number = compiled.joint(model.names[joint]).id
-        first, start = compiled.jnt_qposadr[number], compiled.jnt_dofadr[number]
-        qpos[first : first + len(positions)] = positions
-        qvel[start : start + len(velocities)] = velocities
+        q_start, v_start = compiled.jnt_qposadr[number], compiled.jnt_dofadr[number]
+        qpos[q_start : q_start + len(positions)] = positions
+        qvel[v_start : v_start + len(velocities)] = velocities
     return qpos, qvel

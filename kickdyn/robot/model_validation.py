@@ -92,10 +92,8 @@ def check_model(model: Any) -> None:
 
 def _check_order(model: Any) -> None:
     """Raise `InvalidInput` unless each branch is in one piece: else crba is wrong, silently."""
-    for first in range(1, model.njoints):
-        for joint, expected in zip(
-            model.subtrees[first], range(first, model.njoints), strict=False
-        ):
+    for root in range(1, model.njoints):
+        for joint, expected in zip(model.subtrees[root], range(root, model.njoints), strict=False):
             if joint != expected:
                 raise InvalidInput(
                     f"joint {model.names[joint]!r} comes after joints of another branch than its "
@@ -119,31 +117,31 @@ def _check_inertias(model: Any, names: list[str]) -> None:
     pin.crba(model, data, pin.neutral(model), pin.Convention.LOCAL)
     composites = list(data.Ycrb)[1:]  # all that moves with each joint
     low, high = 1e-15, 1e18  # [kg]; beyond, squares and quotients leave the range of float64
-    for name, moved in zip(names, composites, strict=True):
-        if not low <= moved.mass <= high:
+    for name, composite in zip(names, composites, strict=True):
+        if not low <= composite.mass <= high:
             idle = [n for n, m in zip(names, composites, strict=True) if not low <= m.mass <= high]
             also = f", as do {listed(idle[1:])}" if idle[1:] else ""
             remedy = f", or {remedy}" if (remedy := lock_remedy(model, idle)) else ""
             raise InvalidInput(
-                f"joint {name!r} moves an unsound inertia (mass {moved.mass:g} kg){also}: what "
+                f"joint {name!r} moves an unsound inertia (mass {composite.mass:g} kg){also}: what "
                 f"moves with a joint must have {low:g} to {high:g} kg; give a link there mass and "
                 f"inertia{remedy}"
             )
-        if not np.abs(moved.inertia).max() < MAX_MAGNITUDE**2:
+        if not np.abs(composite.inertia).max() < MAX_MAGNITUDE**2:
             raise InvalidInput(
                 f"joint {name!r} moves an unsound inertia: its moments exceed the range of "
                 "float64; masses are in kg and lengths in m"
             )
     unsound: list[str] = []
-    for name, body, moved in zip(names, bodies, composites, strict=True):
+    for name, body, composite in zip(names, bodies, composites, strict=True):
         # a point's moments are 0 but for the rounding of those about its joint
-        of_moved, of_body = second_moments(moved.inertia), second_moments(body.inertia)
-        largest = max(of_moved[0], moved.mass * moved.lever @ moved.lever)
+        of_moved, of_body = second_moments(composite.inertia), second_moments(body.inertia)
+        largest = max(of_moved[0], composite.mass * composite.lever @ composite.lever)
         if not of_body[-1] >= -ROUNDING * largest:
             unsound.append(name)
     if unsound:
-        first = bodies[names.index(unsound[0])]
-        moments = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(first.inertia))
+        faulty = bodies[names.index(unsound[0])]
+        moments = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(faulty.inertia))
         also = f", as do {listed(unsound[1:])}" if unsound[1:] else ""
         raise InvalidInput(
             f"joint {unsound[0]!r} moves an unsound inertia (principal moments {moments} kg m2)"
@@ -212,7 +210,7 @@ def condition(inertia: Array, factor: Array) -> float:
 
 
 def rounding_gain(inertia: Array, factor: Array, whitened: Array) -> float:
-    r"""Return how many times M's relative rounding can be seen in a foot's inverse mass.
+    r"""Return the largest error of a foot's inverse mass over M's relative rounding.
 
     An error of M by e of its diagonal, E, changes the inverse mass :math:`J M^{-1} J^T` along an
     axis by :math:`x^T E x` with :math:`x = M^{-1} J^T`: at most
@@ -231,7 +229,7 @@ def rounding_gain(inertia: Array, factor: Array, whitened: Array) -> float:
 
 
 def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
-    """Return what is wrong with a singular joint-space inertia, the joints at fault included."""
+    """Return the fault of a singular joint-space inertia, with the joints that cause it."""
     fault = (
         "is not positive definite: a joint moves no inertia"
         if condition == math.inf

@@ -28,12 +28,12 @@ MAX_LOCK_ENTRIES = 30
 
 def listed(names: Sequence[str], most: int = 40) -> str:
     """Return names in one line; those after the first `most` are counted."""
-    rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + rest
+    omitted = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + omitted
 
 
 def name_fault(kind: str, name: str) -> str:
-    """Return what is wrong with a name in a robot's file; empty for a valid one."""
+    """Return the fault of a name in a robot's file; empty for a valid one."""
     if len(name) > MAX_NAME or not name.isprintable():
         return f"{kind} {name[:40]!r} is not a printable name of at most {MAX_NAME} characters"
     return f"{kind} 'universe' is reserved by Pinocchio" if name == "universe" else ""
@@ -48,17 +48,17 @@ def unknown(
     """
     text = name.lower()[:200] if isinstance(name, str) else ""
     by_case = {known.lower(): known for known in reversed(names)}
-    near = [by_case[known] for known in get_close_matches(text, by_case, 8)]
+    matches = [by_case[known] for known in get_close_matches(text, by_case, 8)]
     feet = [end for end in ends if any(word in end.lower() for word in FOOT_WORDS)] or list(ends)
     if any(word in text for word in FOOT_WORDS) and not get_close_matches(text, by_case, 1, 0.8):
         sides = [side for side in ("left", "right") if side in text]
         same_side = [end for end in feet if any(side in end.lower() for side in sides)] or feet
         by_case = {end.lower(): end for end in same_side}
-        near = [by_case[known] for known in get_close_matches(text, by_case, 8, 0.0)] or near
-    hint = f"did you mean {near[0]!r}? " if near else ""
+        matches = [by_case[known] for known in get_close_matches(text, by_case, 8, 0.0)] or matches
+    hint = f"did you mean {matches[0]!r}? " if matches else ""
     order = list(names)
     if len(names) > MAX_LISTED:
-        order = list(dict.fromkeys([*near, *(feet if kind == "frame" else ()), *names]))
+        order = list(dict.fromkeys([*matches, *(feet if kind == "frame" else ()), *names]))
     return f"{kind} {name!r} is unknown: {hint}{owner} has {listed(order, MAX_LISTED)}"
 
 
@@ -90,7 +90,7 @@ def expand_patterns(values: Mapping[str, float], names: Iterable[str]) -> dict[s
 
 
 def lock_remedy(model: Any, joints: Sequence[str]) -> str:
-    """Return how joints can be locked, at 0 or in the middle of the range, as text to be copied.
+    """Return the advice to lock joints, at 0 or in the middle of the range, to be copied.
 
     Empty if none of them has one degree of freedom, or no other joint would be left.
     """

@@ -198,7 +198,7 @@ class MissingFile(InvalidInput):
 
 
 def _package_name(folder: Path) -> str | None:
-    """Return the name of the ROS package that a folder is; None where it is none."""
+    """Return the name of the ROS package that a folder is; None if it is none."""
     manifest = folder / MANIFEST
     try:
         root = read_xml(manifest, str(manifest))

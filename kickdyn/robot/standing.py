@@ -77,9 +77,9 @@ class StandingRobot:
         self.leg = Leg(rooted, robot.frame, contact_normal_cone=robot.contact_normal_cone)
         above = list(model.supports[int(frame.parentJoint)])[2:]
         self.trunk_joint = str(model.names[above[0]]) if above else ""
-        turned, data = self.leg.workspace.model, self.leg.workspace.data
-        pin.forwardKinematics(turned, data, self.leg.configuration())
-        number = turned.getJointId(self.trunk_joint) if above else 0
+        leg_model, data = self.leg.workspace.model, self.leg.workspace.data
+        pin.forwardKinematics(leg_model, data, self.leg.configuration())
+        number = leg_model.getJointId(self.trunk_joint) if above else 0
         pin.forwardKinematics(model, upright := model.createData(), robot.configuration())
         foot = pin.updateFramePlacement(model, upright, self._frame)
         turn = self.placement.rotation @ foot.rotation.T  # of the robot with joints at 0
@@ -87,7 +87,7 @@ class StandingRobot:
         names = robot.joint_names[1:]
         self._of_leg, self._of_robot = (
             coordinate_indices(tree, [tree.getJointId(name) for name in names])
-            for tree in (turned, model)
+            for tree in (leg_model, model)
         )
 
     def kicking_foot(self) -> "Foot":
@@ -174,8 +174,8 @@ def lock_idle_mimics(robot: Leg) -> Leg:
     moving = {robot.joint_names[joint - 1] for joint in limbs if joint}
     busy = {mimic.driver for mimic in robot.mimics if moving & {mimic.joint, mimic.driver}}
     idle = {mimic.driver for mimic in robot.mimics} - busy
-    rest = robot.joint_values(rest_configuration(robot)) if idle else {}
-    return robot.locked({joint: rest[joint] for joint in idle})
+    values = robot.joint_values(rest_configuration(robot)) if idle else {}
+    return robot.locked({joint: values[joint] for joint in idle})
 
 
 def _flat_support(robot: Leg) -> Support:
@@ -199,7 +199,7 @@ def _flat_support(robot: Leg) -> Support:
 
 
 def _flat_on_ground(robot: Leg, support: Support) -> tuple[Any, Array]:
-    """Return where a frame is while its foot is flat on the ground, and its sole's corners.
+    """Return the pose of a frame while its foot is flat on the ground, and its sole's corners.
 
     The first is a `pin.SE3`, with x and y while all joints are at 0; the corners have the shape
     `(k, 3)` [m, support frame].
@@ -220,8 +220,7 @@ def _flat_on_ground(robot: Leg, support: Support) -> tuple[Any, Array]:
         if _width(others @ level.T) >= NARROW:
             rotation, corners = level, others
         elif len(corners) < 3:  # as of a body that is a point
-            number = int(model.frames[frame].parentJoint)
-            bodies = joint_bodies(robot, number)
+            bodies = joint_bodies(robot, int(model.frames[frame].parentJoint))
             reasons = [why for name in bodies if (why := find_unread(robot, name))]
             why = f" ({reasons[0]}; --package-dir names the folder of meshes)" if reasons else ""
             raise InvalidInput(
@@ -307,10 +306,10 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
     turns = np.linspace(0.0, 2 * np.pi, 8, endpoint=False)
     ring = np.column_stack([np.cos(turns), np.sin(turns)])
     for (x, y, _), low, radius in zip(seen, bottom, shapes.radii, strict=True):
-        left = SOLE_THICKNESS - (low - level)  # how far the sphere reaches down into the sole
-        if left < 0.0:
+        depth = SOLE_THICKNESS - (low - level)  # how far the sphere reaches down into the sole
+        if depth < 0.0:
             continue
-        wide = np.sqrt(max(2 * radius * left - left**2, 0.0)) if left < radius else radius
+        wide = np.sqrt(max(2 * radius * depth - depth**2, 0.0)) if depth < radius else radius
         points += [(x, y, level), *((x + wide * a, y + wide * b, level) for a, b in ring)]
     corners = np.array(points)
     corners = corners[np.unique(np.argmax(corners[:, :2] @ ring.T, axis=0))]

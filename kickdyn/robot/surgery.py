@@ -69,16 +69,16 @@ def turn_body(model: Any, joint: int, rotation: Array, centre: ArrayLike = (0.0,
         rotation: from the body's new axes to the joint's axes, shape `(3, 3)`.
         centre: the point about which it is turned, shape `(3,)` [m, joint frame].
     """
-    turned, centre = model.copy(), np.asarray(centre)
+    rotated, centre = model.copy(), np.asarray(centre)
     turn = pin.SE3(rotation, centre - rotation @ centre)
-    turned.inertias[joint] = turn.act(turned.inertias[joint])
-    for child in range(1, turned.njoints):
-        if turned.parents[child] == joint:
-            turned.jointPlacements[child] = turn * turned.jointPlacements[child]
-    for number, frame in enumerate(turned.frames):
+    rotated.inertias[joint] = turn.act(rotated.inertias[joint])
+    for child in range(1, rotated.njoints):
+        if rotated.parents[child] == joint:
+            rotated.jointPlacements[child] = turn * rotated.jointPlacements[child]
+    for number, frame in enumerate(rotated.frames):
         if number and frame.parentJoint == joint and frame.type != pin.FrameType.JOINT:
             frame.placement = turn * frame.placement
-    return turned
+    return rotated
 
 
 def coordinate_indices(
@@ -137,14 +137,14 @@ def reroot_model(model: Any, joint: int, placement: Any) -> Any:
         parent, joint_placement = int(model.parents[number]), model.jointPlacements[number]
         if number in reversed_joints:  # from the child, which has its place, to the parent
             kind, turn = _reverse_joint(model, number)
-            known, moved = number, parent
+            inner, outer = number, parent
             start, pose = offset[number] * turn, turn.inverse() * joint_placement.inverse()
         else:
             kind, start = model.joints[number], offset[parent] * joint_placement
-            known, moved, pose = parent, number, pin.SE3.Identity()
-        carrier[moved] = _copy_joint(new, carrier[known], kind, start, model, number)
-        new.addJointFrame(carrier[moved])
-        offset[moved] = pose
+            inner, outer, pose = parent, number, pin.SE3.Identity()
+        carrier[outer] = _copy_joint(new, carrier[inner], kind, start, model, number)
+        new.addJointFrame(carrier[outer])
+        offset[outer] = pose
     for body in range(1, model.njoints):
         new.appendBodyToJoint(carrier[body], model.inertias[body], offset[body])
     for frame in list(model.frames)[1:]:

@@ -156,14 +156,14 @@ def joint_tree(
     tree["carries_foot"][list(model.supports[leg.contact_joint])[1:]] = True
     tree["carried_mass"][1:] = list(data.mass)[1:]
     tree["armature"][1:], tree["speed_limit"][1:] = model.armature[v], leg.velocity_limit[v]
-    first = model.jointPlacements[1].translation
+    of_base = model.jointPlacements[1].translation
     for k in range(1, model.njoints):
         joint, placement, inertia = tree[k], model.jointPlacements[k], model.inertias[k]
         parent, frame = frames[model.parents[k]], frames[k]
         rotation = parent.T @ placement.rotation @ frame
         joint["aligned"] = np.abs(rotation - np.eye(3)).max() < ALIGNED
         joint["rotation"] = rotation
-        joint["origin"] = parent.T @ (placement.translation - (0 if model.parents[k] else first))
+        joint["origin"] = parent.T @ (placement.translation - (0 if model.parents[k] else of_base))
         joint["mass"] = inertia.mass
         joint["moment"] = frame.T @ (inertia.mass * inertia.lever)
         second = inertia.matrix()[3:, 3:]

@@ -370,8 +370,8 @@ def _check_mimics(
                 faults.append(f"joint {name!r} mimic {key} is {text!r}: it must be a finite number")
         kind = joints[driver].get("type") if driver in joints else None
         if kind is None:
-            near = get_close_matches(driver[:200], list(joints), 1, 0.7)
-            hint = f"did you mean {near[0]!r}? Correct the name" if near else "correct the name"
+            close = get_close_matches(driver[:200], list(joints), 1, 0.7)
+            hint = f"did you mean {close[0]!r}? Correct the name" if close else "correct the name"
             faults.append(
                 f"joint {name!r} mimics {driver[:40]!r}, and there is no such joint: {hint}, or "
                 + remedy

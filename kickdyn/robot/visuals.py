@@ -31,7 +31,7 @@ MAX_VERTICES = 3_000_000
 """Vertices and triangles of a mesh."""
 
 GREY = "0.4 0.4 0.4 1"
-"""Colour of what COLLADA colours by a picture, as trimesh's own without the picture."""
+"""Colour of surfaces that COLLADA colours by a picture, as trimesh's own without the picture."""
 
 UPRIGHT = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
@@ -41,7 +41,7 @@ UPRIGHT = {
 
 
 class Shape(StrEnum):
-    """What a visual is, and what its `size` holds [m]."""
+    """Kinds of visuals, and the meaning of their `size` [m]."""
 
     BOX = "box"  # lengths of the edges along x, y and z
     SPHERE = "sphere"  # radius
@@ -58,10 +58,10 @@ class Visual:
     Attributes:
         frame: name of the frame in the model, such as a link.
         pose: of the shape in that frame, shape `(4, 4)` [m].
-        shape: what it is.
+        shape: the kind.
         size: see `Shape`.
         mesh: name of the mesh file as it is written; empty for other shapes.
-        rgba: colour, 0 to 1; None where the file gives none.
+        rgba: colour, 0 to 1; None if the file gives none.
         has_texture: whether the file colours it by a picture, which is not read.
         vertices, faces: of a mesh that was read with the robot's file, in place of `mesh`: shape
             `(n, 3)` [m, frame of the visual], and indices of vertices, shape `(m, 3)`.
@@ -138,7 +138,7 @@ class Triangles:
     Attributes:
         vertices: shape `(n, 3)` [m, frame of the visual].
         faces: indices of vertices, shape `(m, 3)`.
-        rgba: its own colour, 0 to 1; None where the file gives none.
+        rgba: its own colour, 0 to 1; None if the file gives none.
     """
 
     vertices: Array
@@ -203,7 +203,7 @@ def _colour(mesh: object) -> Array | None:
 
 
 def _remove_pictures(root: ElementTree.Element) -> None:
-    """Give grey to what a picture colours: without the picture, its surfaces would be lost."""
+    """Give grey to surfaces that a picture colours: without it, they would be lost."""
     for parent in root.iterfind(".//{*}library_effects//*[{*}texture]"):
         for texture in parent.findall("{*}texture"):
             texture.tag = texture.tag.replace("texture", "color")

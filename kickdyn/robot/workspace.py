@@ -40,9 +40,9 @@ class Workspace(threading.local):
 def _stacked(forces: Any) -> Array:
     """Return a view of a vector of `pin.Force`, one row each: one copy then takes all of them."""
     rows = [force.vector for force in list(forces)]
-    first = rows[0].__array_interface__["data"][0]
+    address = rows[0].__array_interface__["data"][0]
     step = 6 * rows[0].itemsize
     for k, row in enumerate(rows):
-        if row.__array_interface__["data"][0] != first + k * step:
+        if row.__array_interface__["data"][0] != address + k * step:
             raise RuntimeError("Pinocchio no longer keeps forces side by side")
     return as_strided(rows[0], shape=(len(rows), 6), strides=(step, rows[0].itemsize))

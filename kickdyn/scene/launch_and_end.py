@@ -82,7 +82,7 @@ class ContactTimeError(NamedTuple):
     """By how much a launch may be wrong that neglects the time of the contact.
 
     Attributes:
-        velocity, spin, position: as of `LaunchError`.
+        velocity, spin, position: errors of the launch, as in `LaunchError`.
         moved: launch of the ball that is struck at the end of the contact.
         rest: what is not in `VELOCITY_SAFETY` times the change of the launch to `moved`.
     """
@@ -140,8 +140,7 @@ def collide_scene(scene: Scene, tol: float) -> Collision:
 
 def _arguments(scene: Scene) -> dict[str, Any]:
     arguments = {name: getattr(scene, name) for name in ("posture", "v", "ball", "contact")}
-    motion = {"ball_velocity": scene.incoming.velocity, "ball_spin": scene.incoming.spin}
-    return arguments | motion
+    return arguments | {"ball_velocity": scene.incoming.velocity, "ball_spin": scene.incoming.spin}
 
 
 def fly_scene(scene: Scene, launch: BallState, tol: float = SMALLEST_TOLERANCE) -> Flight | Course:
@@ -166,7 +165,7 @@ def path_error(scene: Scene, path: Flight | Course) -> float:
 
 
 def end_slopes(scene: Scene, path: Flight | Course) -> EndSlopes:
-    """Return how the end of a path depends on its launch; after a bounce, by differences."""
+    """Return the derivatives of a path's end by its launch; after a bounce, by differences."""
     launch = path.launch
     if path.status not in STATUSES_WITH_END or float(launch.speed) == 0.0:
         return EndSlopes(*np.full((2, 3, 3), math.inf))
@@ -207,7 +206,7 @@ def _differences(scene: Scene, path: Course) -> EndSlopes:
 
 
 def end_error(scene: Scene, path: Flight | Course, error: LaunchError | ContactTimeError) -> float:
-    r"""Return how far an error of the launch moves the end of a path at most, roughly [m].
+    r"""Return the largest displacement of a path's end by an error of its launch, roughly [m].
 
     .. math:: s\left(c\,(\delta x + \delta v\, t + \tfrac12 \delta a\, t^2)
         + \delta v'\,(c\, t' + t'')\right)
@@ -237,14 +236,14 @@ def _end_error(
 ) -> float:
     """Return `end_error` of a first flight, and of further times in the air and on the ground."""
     time, arrival = float(flight.duration), flight.landing.velocity
-    across = abs(float(_normal_at_end(scene, flight) @ arrival))
-    slant = math.hypot(*arrival) / across if across > 0.0 else math.inf
+    normal_speed = abs(float(_normal_at_end(scene, flight) @ arrival))
+    slant = math.hypot(*arrival) / normal_speed if normal_speed > 0.0 else math.inf
     slant = slant if time > 0.0 else 1.0
-    moved = (
+    displacement = (
         error.position + (error.velocity + 0.5 * _lift_change(scene, flight, error) * time) * time
     )
     bounced = BOUNCE_SAFETY * (error.velocity + scene.ball.radius * error.spin)
-    return END_SAFETY * float(slant * (moved + bounced * further[0]) + bounced * further[1])
+    return END_SAFETY * float(slant * (displacement + bounced * further[0]) + bounced * further[1])
 
 
 def first_flight(scene: Scene, launch: BallState) -> Flight:
@@ -286,7 +285,7 @@ def contact_time_size(
     error: ContactTimeError,
     allowed: float,
 ) -> float:
-    """Return how far the neglected time of the contact moves the end of a path at most [m].
+    """Return the largest displacement of a path's end by the neglected time of the contact [m].
 
     It is `end_error`, or less: where that is up to `MEASURED` times what is allowed, the ball that
     is struck at the end of the contact flies, too. Where it is more, which already decides, the
@@ -299,10 +298,10 @@ def contact_time_size(
         size = end_error(scene, path, error)
     if not allowed < size <= largest or error.moved is None or error.rest is None:
         return size
-    moved = fly_scene(scene, error.moved)
-    if moved.status != path.status:
+    other = fly_scene(scene, error.moved)
+    if other.status != path.status:
         return size
-    apart = math.dist(end_of(moved).position, end_of(path).position)
+    apart = math.dist(end_of(other).position, end_of(path).position)
     return min(size, VELOCITY_SAFETY * apart + end_error(scene, path, error.rest))
 
 
@@ -391,30 +390,30 @@ def contact_time_error(scene: Scene, impact: Impact, limit: float = math.inf) ->
         launches = []
         for fraction in (1.0, 0.5):
             q = pin.integrate(space.model, scene.q, fraction * time * mean_velocity)
-            moved = leg.posture(q)
-            turn = moved.rotation_world_joint @ posture.rotation_world_joint.T
-            turned = replace(contact, normal=turn @ contact.normal)
+            displaced = leg.posture(q)
+            turn = displaced.rotation_world_joint @ posture.rotation_world_joint.T
+            rotated = replace(contact, normal=turn @ contact.normal)
             v = scene.v + fraction * time * acceleration
-            launches.append(strike_scene(scene, posture=moved, v=v, contact=turned).ball_after)
+            launches.append(strike_scene(scene, posture=displaced, v=v, contact=rotated).ball_after)
             if VELOCITY_SAFETY * math.dist(launches[-1].velocity, launch.velocity) > limit:
                 return UNKNOWN
     except KickdynError:
         return UNKNOWN
-    velocity = max(math.dist(moved.velocity, launch.velocity) for moved in launches)
-    spin = max(math.dist(moved.spin, launch.spin) for moved in launches)
+    velocity = max(math.dist(displaced.velocity, launch.velocity) for displaced in launches)
+    spin = max(math.dist(displaced.spin, launch.spin) for displaced in launches)
     fastest = max(float(launch.speed), math.hypot(*scene.incoming.velocity))
     beyond = velocity - math.dist(launches[0].velocity, launch.velocity)  # of the middle
-    rest = LaunchError(
+    remaining = LaunchError(
         VELOCITY_SAFETY * beyond + GRAVITY * time,
         (SPIN_SAFETY - VELOCITY_SAFETY) * spin + GRAVITY * time / scene.ball.radius,
         time * (fastest + velocity),
     )
     error = ContactTimeError(
-        rest.velocity + VELOCITY_SAFETY * (velocity - beyond),
-        rest.spin + VELOCITY_SAFETY * spin,
-        rest.position,
+        remaining.velocity + VELOCITY_SAFETY * (velocity - beyond),
+        remaining.spin + VELOCITY_SAFETY * spin,
+        remaining.position,
         BallState(launch.position, launches[0].velocity, launches[0].spin),
-        rest,
+        remaining,
     )
     return error if _stays_clear(scene, impact, error) else UNKNOWN
 

@@ -109,7 +109,7 @@ def check_before(wall: Wall, distance: float) -> None:
 def passage_on(
     path: Flight | Course, wall: Wall, ahead: Array, radius: float, start_height: float = 0.0
 ) -> Passage | None:
-    """Return how a ball passes a wall on its path; None where the path ends before the wall.
+    """Return the passage of a ball by a wall on its path; None if the path ends before the wall.
 
     `ahead` is the horizontal unit vector from the start to the target, shape `(3,)`, `start_height`
     the height of the ball's lower edge above the ground at the start [m].
@@ -150,7 +150,7 @@ class Score(NamedTuple):
 
 
 def score_at(left: float, up: float, radius: float, *, arrives: bool) -> Score:
-    """Return how a ball meets a goal, `left` of its middle and its lower edge `up` [m]."""
+    """Return the score of a ball at a goal, `left` of its middle and its lower edge `up` [m]."""
     post = MOUTH[0] / 2 - abs(left) - radius
     bar = MOUTH[1] - up - 2 * radius
     if not arrives:

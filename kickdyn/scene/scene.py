@@ -30,7 +30,7 @@ LEAST_RESTITUTION = 0.01
 
 @dataclass(frozen=True)
 class Compliance:
-    """What makes a contact take time, as for `collide`, in place of an impact law.
+    """Compliance of a contact that takes time, as for `collide`, in place of an impact law.
 
     Args:
         contact_time: duration of the contact for which the stiffness is chosen, above 0 [s]; None
@@ -238,9 +238,9 @@ def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
     checked = validation.mapping("uncertainty", value)
     for name, deviation in checked.items():
         if name not in UNITS:
-            known = ", ".join(UNITS)
+            choices = ", ".join(UNITS)
             raise InvalidInput(
-                f"uncertainty of {validation.brief(name)} is unknown: choose {known}"
+                f"uncertainty of {validation.brief(name)} is unknown: choose {choices}"
             )
         validation.floats(f"uncertainty of {name}", deviation)
     return checked

@@ -69,12 +69,12 @@ class Simulation(Printed):
 
     Attributes:
         scene: the scene, as it was given.
-        tolerance: tolerance on the position of the end [m]; None where everything is as exact as
+        tolerance: tolerance on the position of the end [m]; None if everything is as exact as
             the integrators can compute it.
         impact: the impact, of an instant or of a finite contact time.
         path: the flight or the course of the ball, with all effects of the scene.
         launch_spread: covariances of the launch that follow from the `uncertainty` of the scene;
-            None where it has none.
+            None if it has none.
         model_error: estimate of the distance by which a neglected contact time moves the end [m];
             0 where nothing is neglected, inf where it is not known.
         note: what is known about a neglected contact time.
@@ -173,9 +173,9 @@ class Simulation(Printed):
         These are the effects with the smallest sizes; their sizes add up to at most half of the
         tolerance. All but the contact time are modelled all the same, because that takes no time.
         """
-        known = {name: size for name, size in self.effect_sizes.items() if math.isfinite(size)}
-        names = sorted(known, key=lambda name: known[name])
-        totals = accumulate(known[name] for name in names)
+        finite = {name: size for name, size in self.effect_sizes.items() if math.isfinite(size)}
+        names = sorted(finite, key=lambda name: finite[name])
+        totals = accumulate(finite[name] for name in names)
         return tuple(names[: sum(total <= 0.5 * (self.tolerance or 0.0) for total in totals)])
 
     @property
@@ -223,15 +223,14 @@ class Simulation(Printed):
 
     @cached_property
     def score(self) -> Score | None:
-        """How the ball meets the goal; None where the scene's plane is no goal line."""
+        """How the ball meets the goal; None if the scene's plane is no goal line."""
         scene, plane = self.scene, self.scene.plane
         if plane is None or not plane.is_goal_line:
             return None
         x, y, _ = self.end.position - plane.point
         left = float(plane.normal[1] * x - plane.normal[0] * y)
         up = float(self.end.position[2] - self.launch.position[2]) + self.start_height
-        arrives = self.status == FlightStatus.AT_PLANE
-        return score_at(left, up, scene.ball.radius, arrives=arrives)
+        return score_at(left, up, scene.ball.radius, arrives=self.status == FlightStatus.AT_PLANE)
 
     @property
     def pitch_text(self) -> str:
@@ -290,7 +289,7 @@ class Simulation(Printed):
 
     @validation.check_arguments
     def text(self, *, times: bool = False) -> str:
-        """Return what `print` shows; with times, also processor times, which differ each time."""
+        """Return the text of `print`; with times, also processor times, which differ each time."""
         source = "rounding"
         if self.numerical_error > 1e-12:
             source = f"{_length_text(self.numerical_error)} m by numerical integration"
@@ -459,8 +458,7 @@ def measure_effects(
             sizes.append(EffectSize(effect.name, full.model_error, math.nan, "", full.seconds))
             continue
         began = time.process_time()
-        size = _measure(effect, full)
-        sizes.append(replace(size, seconds=time.process_time() - began))
+        sizes.append(replace(_measure(effect, full), seconds=time.process_time() - began))
     return sizes
 
 

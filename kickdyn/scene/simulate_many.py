@@ -51,14 +51,14 @@ class Simulations:
     @property
     def mean(self) -> Array:
         """Mean of the ends, shape `(3,)` [m, world frame]."""
-        known = self.end[np.isfinite(self.end).all(axis=1)]
-        return np.asarray(known.mean(axis=0)) if len(known) else np.full(3, np.nan)
+        ends = self.end[np.isfinite(self.end).all(axis=1)]
+        return np.asarray(ends.mean(axis=0)) if len(ends) else np.full(3, np.nan)
 
     @property
     def covariance(self) -> Array:
         """Covariance of the ends, shape `(3, 3)` [m2]."""
-        known = self.end[np.isfinite(self.end).all(axis=1)]
-        return np.cov(known.T) if len(known) > 1 else np.full((3, 3), np.nan)
+        ends = self.end[np.isfinite(self.end).all(axis=1)]
+        return np.cov(ends.T) if len(ends) > 1 else np.full((3, 3), np.nan)
 
     @property
     def deviation(self) -> float:
@@ -150,10 +150,10 @@ class _Draws:
 
     def changes(self, values: Array) -> dict[str, Array]:
         """Return the changes of the sources, each of shape `(n, size)`, for normal numbers."""
-        changes, first = {}, 0
+        changes, start = {}, 0
         for name, factor in self.factors.items():
-            changes[name] = values[:, first : first + factor.shape[1]] @ factor.T
-            first += factor.shape[1]
+            changes[name] = values[:, start : start + factor.shape[1]] @ factor.T
+            start += factor.shape[1]
         return changes
 
     def arguments(self, values: Array) -> dict[str, Any]:
@@ -189,10 +189,10 @@ class _Draws:
         scene = self.scene
         if isinstance(scene.law, str) and scene.law != "newton":
             return self._one_by_one(values, lambda scene: strike_scene(scene).ball_after)
-        given = self.arguments(values)
-        motion = given["ball_velocity"], given["ball_spin"]
-        strikes = Strikes(scene.leg, [scene.ball], given["contact"], *motion)
-        impacts = strikes.compute(given["q"], given["v"])
+        arguments = self.arguments(values)
+        motion = arguments["ball_velocity"], arguments["ball_spin"]
+        strikes = Strikes(scene.leg, [scene.ball], arguments["contact"], *motion)
+        impacts = strikes.compute(arguments["q"], arguments["v"])
         columns = impacts.ball_position, impacts.ball_velocity, impacts.ball_spin
         return np.hstack(columns), impacts.status
 
@@ -203,16 +203,16 @@ class _Draws:
     def _one_by_one(
         self, values: Array, after: Callable[[Scene], BallState]
     ) -> tuple[Array, NDArray[np.int8]]:
-        given = self.arguments(values)
+        arguments = self.arguments(values)
         launches, status = np.full((len(values), 9), np.nan), np.zeros(len(values), np.int8)
         for i in range(len(values)):
-            contact = given["contact"]
+            contact = arguments["contact"]
             try:
                 drawn = self.scene.replace(
-                    posture=self.scene.leg.posture(given["q"][i]), v=given["v"][i],
+                    posture=self.scene.leg.posture(arguments["q"][i]), v=arguments["v"][i],
                     contact=contact[i % len(contact)],
-                    incoming=BallState(velocity=given["ball_velocity"][i],
-                                       spin=given["ball_spin"][i]),
+                    incoming=BallState(velocity=arguments["ball_velocity"][i],
+                                       spin=arguments["ball_spin"][i]),
                 )  # fmt: skip
                 ball = after(drawn)
             except KickdynError:

@@ -41,8 +41,7 @@ def load_scene(path: str | PathLike[str]) -> Scene:
     except TypeError:
         raise InvalidInput(f"scene path is {path!r}: it must be a str or a Path") from None
     file = _named(file, source)
-    document = read_toml(file, source, SceneError)
-    faults, arguments = _read_tables(document)
+    faults, arguments = _read_tables(read_toml(file, source, SceneError))
     try:
         if not faults:
             return _scene(arguments, file.resolve().parent, printable(file.stem))
@@ -55,15 +54,15 @@ def load_scene(path: str | PathLike[str]) -> Scene:
 def _named(file: Path, source: str) -> Path:
     if file.name != source or file.suffix or os.path.lexists(file):
         return file
-    known = {scene.stem: scene for scene in sorted(shipped("scenes").glob("*.toml"))}
-    if source not in known:
-        line = f"is neither a file nor a scene of kickdyn: choose {', '.join(known)}"
+    scenes = {scene.stem: scene for scene in sorted(shipped("scenes").glob("*.toml"))}
+    if source not in scenes:
+        line = f"is neither a file nor a scene of kickdyn: choose {', '.join(scenes)}"
         raise SceneError(source, [line])
-    return known[source]
+    return scenes[source]
 
 
 def _read_tables(document: dict[str, Any]) -> tuple[list[str], dict[str, Any]]:
-    """Return a line for each fault of the tables, and by table what its constructor returns."""
+    """Return a line for each fault of the tables, and by table the result of its constructor."""
     tables = {table.name: table for table in TABLES}
     top = {key.name for key in tables[""].keys}
     contents = {"": {name: value for name, value in document.items() if name in top}}
@@ -116,11 +115,11 @@ def _faults_of(table: Table, content: dict[str, Any]) -> list[str]:
             needed = " or ".join(key.needs)
             faults.append(f"{prefix}{name} is given without {needed}, which it needs")
     for group in table.required:
-        given = [name for name in group if name in content]
-        if not given and len(group) == 1:
+        present = [name for name in group if name in content]
+        if not present and len(group) == 1:
             faults += [f"{prefix}{name} is missing" for name in group]
-        elif len(given) != 1:
-            which = " and ".join(given) or "none"
+        elif len(present) != 1:
+            which = " and ".join(present) or "none"
             faults.append(
                 f"{table.name} has {which} of {', '.join(group)}: it must have exactly one"
             )
@@ -139,12 +138,12 @@ def _unknown(shown: str, word: str, known: Iterable[str]) -> str:
 def _hint(word: object, known: Iterable[str]) -> str:
     """Return the nearest of the known words as a question, or all of them to choose from."""
     names = list(known)
-    near = difflib.get_close_matches(str(word)[:100], names, 1, 0.5)
-    return f"did you mean {near[0]}?" if near else f"choose {', '.join(names)}"
+    matches = difflib.get_close_matches(str(word)[:100], names, 1, 0.5)
+    return f"did you mean {matches[0]}?" if matches else f"choose {', '.join(names)}"
 
 
 def _scene(sections: dict[str, Any], folder: Path, stem: str) -> Scene:
-    """Return the scene of what the tables' constructors return; `stem` is its default name."""
+    """Return the scene of the results of the tables' constructors; `stem` is its default name."""
     leg_table, posture_table = sections.pop("leg"), sections.pop("posture")
     contact, law = sections.pop("contact")
     ball, incoming = sections.pop("ball", (Ball(), BallState()))

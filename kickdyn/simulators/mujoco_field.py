@@ -98,8 +98,8 @@ class MujocoField:
         self.rates = [int(self.model.joint(name).dofadr[0]) for name in self.joints]
         self.plate, self.sole = self.model.geom("plate").id, range(0)
         if standing is not None:
-            first = self.model.geom("sole 0").id
-            self.sole = range(first, first + len(self.corners))
+            index = self.model.geom("sole 0").id
+            self.sole = range(index, index + len(self.corners))
 
     def set_gains(self, rooted: Leg, q: Array) -> None:
         """Set stiffness and damping of the drives by the inertias of joints in a posture.
@@ -226,8 +226,8 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
     def pushes(self) -> bool:
         """Return whether the plate pushed the ball in the last step."""
         contacts = self.data.contact
-        first = contacts.efc_address[np.any(contacts.geom == self.plate, axis=1)]
-        return bool((first >= 0).any() and (self.data.efc_force[first] > 0.0).any())
+        rows = contacts.efc_address[np.any(contacts.geom == self.plate, axis=1)]
+        return bool((rows >= 0).any() and (self.data.efc_force[rows] > 0.0).any())
 
     def sole_load(self) -> Array:
         """Return the force of the floor on the sole, and the moment of its normal force, `(5,)`.

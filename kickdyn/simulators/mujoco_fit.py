@@ -73,7 +73,7 @@ class KickError(NamedTuple):
     """Largest errors of a kick simulated in MuJoCo, wherever in a time step the contact begins.
 
     Attributes:
-        change: what differs from the kick that was tuned; empty for that kick.
+        change: the difference from the kick that was tuned; empty for that kick.
         velocity: of the ball, length of the difference relative to its speed, or to the speed of
             approach along the normal if this is larger.
         speed: of the ball, relative alike.
@@ -109,7 +109,7 @@ class MujocoGoal(NamedTuple):
 
     @property
     def texts(self) -> tuple[str, str]:
-        """The error and what is accepted, with their units."""
+        """The error and its accepted size, with their units."""
         if self.name == "direction":
             return f"{math.degrees(self.error):.2g} deg", f"{math.degrees(self.limit):.2g} deg"
         return f"{self.error:.1%}", f"{self.limit:.1%}"
@@ -193,24 +193,24 @@ def kick_cases(approach: Approach, contact_time: float) -> list[KickCase]:
     """
     posture, before = approach.posture, approach.ball_before
 
-    def compute(change: str, near: Approach, **compliance: Any) -> tuple[KickCase, float]:
+    def compute(change: str, other: Approach, **compliance: Any) -> tuple[KickCase, float]:
         hit = collide(
-            near.posture, near.v, near.ball, near.contact, **compliance, tol=1e-6,
-            ball_velocity=near.ball_before.velocity, ball_spin=near.ball_before.spin,
+            other.posture, other.v, other.ball, other.contact, **compliance, tol=1e-6,
+            ball_velocity=other.ball_before.velocity, ball_spin=other.ball_before.spin,
         )  # fmt: skip
         during = hit.sample(np.linspace(0.0, hit.contact_time, 33))
         forces = np.linalg.norm(during.force, axis=1)
         mean = float(forces @ during.deflection / forces.sum())
         assert isinstance(hit.force_model, ForceModel)  # a spring, because of its contact time
-        return KickCase(change, near, hit.ball_after, mean), hit.force_model.stiffness
+        return KickCase(change, other, hit.ball_after, mean), hit.force_model.stiffness
 
     tuned, stiffness = compute("", approach, contact_time=contact_time)
     cases = [tuned]
 
     def add(change: str, nearby: Posture, factor: float = 1.0) -> None:
         motion = factor * before.velocity, factor * before.spin
-        near = find_approach(nearby, factor * approach.v, approach.ball, approach.contact, *motion)
-        cases.append(compute(change, near, stiffness=stiffness)[0])
+        other = find_approach(nearby, factor * approach.v, approach.ball, approach.contact, *motion)
+        cases.append(compute(change, other, stiffness=stiffness)[0])
 
     for factor in SPEEDS:
         with suppress(InvalidInput):  # a ball that would be pressed beyond its radius
@@ -271,7 +271,7 @@ def fit_contact(
     solimp = (
         (1e-4, IMPEDANCE, depth, 0.5, power) if width else (IMPEDANCE, IMPEDANCE, 1.0, 0.5, 1.0)
     )
-    across = min(4.0 / contact_time, 0.8 / step)
+    friction_rate = min(4.0 / contact_time, 0.8 / step)
 
     def contact_of(unknowns: Array) -> MujocoContact:
         x = unknowns - 1.0
@@ -281,7 +281,7 @@ def fit_contact(
         )
         if not mu:
             return MujocoContact(solref, solimp)
-        solreffriction = (-1.0, -_rounded(across * math.exp(x[3])))
+        solreffriction = (-1.0, -_rounded(friction_rate * math.exp(x[3])))
         friction = _rounded(mu * math.exp(x[2]))
         return MujocoContact(solref, solimp, friction, solreffriction, kicks[0].margin)
 
@@ -295,8 +295,8 @@ def fit_contact(
             weight /= case.scale
             blocks.append(weight * (velocities - case.target.velocity).ravel())
             if mu:
-                turned = (spins - case.target.spin).ravel()
-                blocks.append(SPIN_WEIGHT * weight * approach.ball.radius * turned)
+                spin_errors = (spins - case.target.spin).ravel()
+                blocks.append(SPIN_WEIGHT * weight * approach.ball.radius * spin_errors)
             if case is cases[0]:
                 blocks.append(np.array([0.2 * (times.mean() / contact_time - 1.0)]))
         blocks.append(FRICTION_WEIGHT * (x[2:] - 1.0))

@@ -150,8 +150,8 @@ class MujocoKick:
     def pushes(self) -> bool:
         """Return whether foot and ball pushed each other in the last step."""
         data = self.data
-        first = int(data.contact.efc_address[0]) if data.ncon else -1
-        return first >= 0 and bool(data.efc_force[first] > 0.0)
+        address = int(data.contact.efc_address[0]) if data.ncon else -1
+        return address >= 0 and bool(data.efc_force[address] > 0.0)
 
     def start(self, before: float) -> None:
         """Set the state at a time [s] before the first contact."""
@@ -263,16 +263,15 @@ def _body(model: Any, joint: int, *, limits: bool) -> str:
     placement, inertia = model.jointPlacements[joint], model.inertias[joint]
     moments = inertia.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     moments[:3] += 1e-12 * (inertia.mass == 0.0)  # a joint of several, without a body of its own
-    kind, first, size = model.joints[joint].shortname(), model.idx_vs[joint], model.nvs[joint]
-    armature, name = float(model.armature[first]), quoteattr(model.names[joint])
+    kind, index, size = model.joints[joint].shortname(), model.idx_vs[joint], model.nvs[joint]
+    armature, name = float(model.armature[index]), quoteattr(model.names[joint])
     if kind == "JointModelFreeFlyer":
         element = f"<freejoint name={name}/>"
     elif kind == "JointModelSpherical":
         element = f'<joint name={name} type="ball" armature="{armature!r}"/>'
     elif size == 1:
-        data = model.createData()
-        columns = pin.computeJointJacobian(model, data, pin.neutral(model), joint)
-        axis = columns.reshape(6, model.nv)[:, first]  # a vector where nv is 1
+        columns = pin.computeJointJacobian(model, model.createData(), pin.neutral(model), joint)
+        axis = columns.reshape(6, model.nv)[:, index]  # a vector where nv is 1
         slides = bool(axis[:3].any())
         along = row(axis[:3] if slides else axis[3:])
         motion = "slide" if slides else "hinge"

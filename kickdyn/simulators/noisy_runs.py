@@ -54,8 +54,8 @@ class NoisyRuns(ReprMixin):
         launches = [run.ball_after.velocity for run in self.hits]
         wish = _polar(np.asarray(self.runs[0].plan.launch.velocity))
         polar = np.array([_polar(launch) for launch in launches]).reshape(-1, 3)
-        turned = np.remainder(polar[:, 1] - wish[1] + np.pi, 2.0 * np.pi) - np.pi
-        errors = np.stack([polar[:, 0] / wish[0] - 1.0, turned, polar[:, 2] - wish[2]], axis=1)
+        azimuths = np.remainder(polar[:, 1] - wish[1] + np.pi, 2.0 * np.pi) - np.pi
+        errors = np.stack([polar[:, 0] / wish[0] - 1.0, azimuths, polar[:, 2] - wish[2]], axis=1)
         validation.protect(errors)
         return errors
 

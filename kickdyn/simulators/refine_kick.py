@@ -1,4 +1,4 @@
-"""Planned kicks corrected by what a contact that takes time makes of them."""
+"""Planned kicks corrected for the time that the contact takes."""
 
 import math
 from dataclasses import replace
@@ -83,7 +83,7 @@ def refine_kick(plan: KickPlan, rounds: int = 2, by: str = Observer.COLLIDE) -> 
 
 
 class _Tried(NamedTuple):
-    """A plan, what its ball lacks of the wished velocity, `(3,)` [m/s], and how far it is turned.
+    """A plan, the error of its ball's velocity, `(3,)` [m/s], and the angle of its turn [rad].
 
     The plan's robot is to be turned by `turn` [rad] about the ball; `error` has no such part.
     """
@@ -99,7 +99,7 @@ class _Tried(NamedTuple):
 
 
 def _try(plan: KickPlan, by: Observer) -> _Tried:
-    """Return what the ball of a plan lacks."""
+    """Return the plan with the error of its ball's velocity."""
     ball = _observe(plan, by)
     wished = _wished_velocity(plan, ball)
     if not is_floating(plan.leg):
@@ -109,8 +109,8 @@ def _try(plan: KickPlan, by: Observer) -> _Tried:
     wished = _wished_velocity(plan, _turned(ball, turn, plan.impact.ball_before.position))
     turn = _azimuth(wished) - _azimuth(ball.velocity)
     turn = math.remainder(turn, math.tau)
-    kept = _azimuth(plan.impact.ball_after.velocity) - _azimuth(wished)
-    error = _about_vertical(kept) @ (wished - _about_vertical(turn) @ ball.velocity)
+    azimuth = _azimuth(plan.impact.ball_after.velocity) - _azimuth(wished)
+    error = _about_vertical(azimuth) @ (wished - _about_vertical(turn) @ ball.velocity)
     return _Tried(plan, error, turn)
 
 

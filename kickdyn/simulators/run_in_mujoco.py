@@ -71,14 +71,14 @@ class MujocoRun(ReprMixin):
         ball_after: the ball when it has left the foot; at rest where the foot misses it.
         delay: time of the first contact after the planned one [s]; NaN where there is none.
         path: flight or course of the ball from `ball_after` to the plane of the target, or to the
-            ground before it; None where the foot misses it.
+            ground before it; None if the foot misses it.
         upright: whether the robot still stands 1 s after the ball has left, or 0.2 s after the end
             of a motion that takes longer; true for a leg on a fixed base.
         margins: least distance from each limit over the run: `torque`, `speed` and `friction` as
             a share of the limit, `centre of pressure` from the edge of the sole [m]. The last two
             are of forces averaged over 20 ms. With 0 as the last one, the sole rests on an edge
             or a corner for that time: it tips, and may come down again.
-        seed: of the differences from the plan; None where there are none.
+        seed: of the differences from the plan; None if there are none.
     """
 
     plan: KickPlan
@@ -139,8 +139,7 @@ class MujocoRun(ReprMixin):
         if self.path is None:
             return math.inf
         end = self.path.landing if isinstance(self.path, Flight) else self.path.rest
-        target = self.plan.target_position
-        return float(np.linalg.norm(end.position - target))
+        return float(np.linalg.norm(end.position - self.plan.target_position))
 
     @property
     def summary(self) -> str:
@@ -217,7 +216,7 @@ def run_in_mujoco(
 
     The foot strikes with a plate at the contact point, whose contact `tune_mujoco` computes. The
     robot stands on the corners of its sole, its kicking foot may step on the floor, and nothing
-    else collides. The ball is held where it lies until the foot touches it, and afterwards flies
+    else collides. The ball is fixed where it lies until the foot touches it, and afterwards flies
     by `fly`, or `follow`.
 
     With a seed, the robot is not the one of the plan: masses of its bodies, friction of ground and
@@ -274,8 +273,7 @@ def run_in_mujoco(
         )  # fmt: skip
     bodies = motion.robot.model.njoints - 1
     drawn = KickNoise(0, 0, 0, 0) if seed is None else noise or KickNoise()
-    disturbance = draw(drawn, seed or 0, bodies)
-    field = MujocoField(motion, impact, standing, tuning, disturbance)
+    field = MujocoField(motion, impact, standing, tuning, draw(drawn, seed or 0, bodies))
     field.set_gains(rooted, posture.q)
     samples = _simulate(field, feed_forward=chosen is Controller.TORQUE_PD)
     return replace(_result(plan, tuning, field, samples), seed=seed)
@@ -285,7 +283,7 @@ class _Samples(NamedTuple):
     """What a simulation leaves: a row for each step, and the ball when it has left the foot."""
 
     rows: Sequence[tuple[Array, Array, Array]]  # qpos, qvel, torque of the drives, before each step
-    ground: Sequence[Array]  # what `MujocoField.sole_load` returns, in each step
+    ground: Sequence[Array]  # results of `MujocoField.sole_load`, in each step
     touched: int | None  # step of the first contact
     ball: BallState | None
 
@@ -298,10 +296,10 @@ def _simulate(field: MujocoField, *, feed_forward: bool) -> _Samples:
     ground: list[Array] = []
     touched: int | None = None
     ball: BallState | None = None
-    first = math.floor(motion.begin / step)
+    start = math.floor(motion.begin / step)
     at_impact = field.reference(0.0, feed_forward=feed_forward)
     field.place()
-    number, last = first, math.ceil(LATEST_IMPACT / step)
+    number, last = start, math.ceil(LATEST_IMPACT / step)
     while number < last:
         sent = number * step - field.disturbance.delay  # when the commands of this step were
         if ball is not None and sent > float(ball.time) - 0.5 * step:
@@ -333,8 +331,8 @@ def _result(
     """Return the run that a simulation shows."""
     motion, robot, step = field.motion, field.motion.robot, field.timestep
     qpos, qvel, forces = (np.array(rows) for rows in zip(*samples.rows, strict=True))
-    first = math.floor(motion.begin / step)
-    t = np.asarray(step * (first + np.arange(len(qpos))))
+    start = math.floor(motion.begin / step)
+    t = np.asarray(step * (start + np.arange(len(qpos))))
     torque = np.zeros((len(t), robot.nv))
     torque[:, field.columns] = forces
     q = np.array([_configuration(field, row) for row in qpos])
@@ -377,11 +375,11 @@ def _ground_margins(field: MujocoField, samples: _Samples) -> dict[str, float]:
     if not len(loads):  # the sole never carried weight
         return {"friction": -math.inf, "centre of pressure": -math.inf}
     normal = loads[:, 0]
-    across = np.linalg.norm(loads[:, 1:3], axis=1)
+    tangential = np.linalg.norm(loads[:, 1:3], axis=1)
     centres = loads[:, 3:] / normal[:, None]
     inside = float((offsets - centres @ normals.T).min())
     return {
-        "friction": float((1.0 - across / (field.friction * normal)).min()),
+        "friction": float((1.0 - tangential / (field.friction * normal)).min()),
         "centre of pressure": 0.0 if abs(inside) < ROUNDING else inside,
     }
 

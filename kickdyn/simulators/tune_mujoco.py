@@ -66,7 +66,7 @@ class MujocoTuning(ReprMixin):
         errors: errors of the tuned kick; at other speeds; earlier and later in the swing; and of
             the tuned kick against the ball of `strike`, an impact without duration.
         tolerance: the largest error of the ball's speed that was asked for, relative.
-        goals: the errors that are judged, and what is accepted of them.
+        goals: the errors that are judged, and their accepted sizes.
         scene: MJCF model of leg and ball just before they touch.
         ball: the ball.
         ball_position: position of its centre at first contact, shape `(3,)` [m, world frame].

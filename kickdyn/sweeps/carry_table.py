@@ -182,8 +182,7 @@ def _source() -> Source:
     import numba  # here, because it takes long to import
 
     vector, index, patches = numba.float64[::1], numba.int64[:, ::1], numba.float64[:, ::1]
-    flags = numba.boolean[::1]
-    signature = numba.void(vector, vector, vector, index, patches, vector, flags)
+    signature = numba.void(vector, vector, vector, index, patches, vector, numba.boolean[::1])
     return Source(_evaluate, signature, {"error_model": "numpy"})
 
 

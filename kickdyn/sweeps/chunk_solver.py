@@ -122,7 +122,7 @@ class ChunkSolver:
     def _compute(
         self, model: KernelModel, first: int, rows: Array, status: NDArray[np.int8]
     ) -> NDArray[np.bool_]:
-        """Fill in what kernel and flights give; return which postures are doubtful."""
+        """Fill in the results of kernel and flights; return which postures are doubtful."""
         assert self._kernel is not None
         answer = self._kernel(first, len(status))
         doubtful = fill_variables(answer, model, rows, status)

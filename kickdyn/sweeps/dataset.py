@@ -96,12 +96,12 @@ def select_variables(names: Iterable[str] | None) -> tuple[str, ...]:
     """
     if names is None:
         return tuple(VARIABLES)
-    wanted, known = [] if isinstance(names, str) else list(names), [*VARIABLES, "status"]
+    wanted, choices = [] if isinstance(names, str) else list(names), [*VARIABLES, "status"]
     if not wanted:
-        raise InvalidInput(f"variables is {names!r}: it must be a list of {', '.join(known)}")
+        raise InvalidInput(f"variables is {names!r}: it must be a list of {', '.join(choices)}")
     for name in wanted:
-        if not isinstance(name, str) or name not in known:
-            raise InvalidInput(unknown("variable", name, "a sweep", known))
+        if not isinstance(name, str) or name not in choices:
+            raise InvalidInput(unknown("variable", name, "a sweep", choices))
     return tuple(name for name in VARIABLES if name in wanted)
 
 
@@ -155,10 +155,10 @@ def variables_of(outcome: PostureOutcome, kick: Kick) -> dict[str, float]:
 
 
 def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
-    """Return what a sweep was made of, enough to compute it again, as plain values."""
-    air, given = kick.air, kick.contact.restitution
-    if not isinstance(given, float):
-        given = format_restitution(given).strip("'")
+    """Return the inputs of a sweep, enough to compute it again, as plain values."""
+    air, restitution = kick.air, kick.contact.restitution
+    if not isinstance(restitution, float):
+        restitution = format_restitution(restitution).strip("'")
     text = "" if leg.file is None else leg.file.text
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("pin", "numpy", "scipy"))
     return {
@@ -173,7 +173,7 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
         "attack_deg": round(float(np.degrees(kick.attack)), 10),
         "attack_rad": kick.attack,
         "restitution": kick.restitution_used,
-        "restitution_given": given,
+        "restitution_given": restitution,
         "friction": kick.friction,
         "impact_law": kick.law,
         "ball_mass_kg": kick.ball.mass,

@@ -62,9 +62,9 @@ class Grid:
         axes: dict[str, Array] = {}
         faults: list[str] = []
         listed = isinstance(samples, str) and samples == "list"
-        for name, given in postures.items():
+        for name, values in postures.items():
             with _collected(faults):
-                axes[name] = _checked_axis(leg, name, given, ascending=not listed)
+                axes[name] = _checked_axis(leg, name, values, ascending=not listed)
         still = np.zeros(1)
         drivers = {mimic.joint: mimic for mimic in leg.mimics}
         for name in leg.single_joints:
@@ -264,7 +264,7 @@ def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
 
 @contextmanager
 def _collected(faults: list[str]) -> Iterator[None]:
-    """Append what is refused inside to the faults."""
+    """Append the refusals inside to the faults."""
     try:
         yield
     except InvalidInput as error:

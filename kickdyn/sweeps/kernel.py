@@ -109,7 +109,7 @@ class KernelModel:
 
     @classmethod
     def of(cls, leg: Leg, kick: Kick) -> "KernelModel | None":
-        """Return the model of a leg and a kick, or None where the kernel does not serve them.
+        """Return the model of a leg and a kick, or None if the kernel does not serve them.
 
         It serves no floating base, no supports, no loops and no helical joints, and no base that
         moves across the plane of planar motion.
@@ -117,11 +117,11 @@ class KernelModel:
         joints = hinges_and_slides(leg)
         if joints is None:
             return None
-        across = _plane_normal(joints.world_axes, joints.slides, kick.direction)
-        sliding = np.zeros(3) if across is None else np.cross(across, kick.direction)
+        normal = _plane_normal(joints.world_axes, joints.slides, kick.direction)
+        sliding = np.zeros(3) if normal is None else np.cross(normal, kick.direction)
         axes, task, ball = contact_axes(kick.direction, sliding), np.zeros(1, TASK), kick.ball
         tree, frames, senses = joint_tree(leg, joints, axes)
-        task["foot"], task["planar"] = leg.contact_joint, across is not None
+        task["foot"], task["planar"] = leg.contact_joint, normal is not None
         task["lever"] = frames[leg.contact_joint].T @ leg.contact_lever
         task["normal_mobility"] = 1.0 / ball.mass
         task["tangent_mobility"] = 1.0 / ball.mass + ball.radius**2 / ball.inertia
@@ -131,11 +131,11 @@ class KernelModel:
             task["base_velocity"], task["base_turn"] = axes.T @ at_joint, axes.T @ turn
             (_, beside, _), (first, _, last) = task["base_velocity"][0], task["base_turn"][0]
             largest = PARALLEL * float(np.abs(leg.base_velocity).max())
-            if across is not None and max(map(abs, (beside, first, last))) > largest:
+            if normal is not None and max(map(abs, (beside, first, last))) > largest:
                 return None
         task["speed"], task["friction"] = kick.speed, kick.friction
         task["restitution"] = kick.restitution_used
-        return cls(kick, across is not None, axes, tree, senses, task)
+        return cls(kick, normal is not None, axes, tree, senses, task)
 
 
 def _plane_normal(axes: list[Array], slides: NDArray[np.bool_], normal: Array) -> Array | None:
@@ -143,12 +143,12 @@ def _plane_normal(axes: list[Array], slides: NDArray[np.bool_], normal: Array) -
     hinges = [axis for axis, slide in zip(axes, slides, strict=True) if not slide]
     if not hinges:
         return None
-    across = hinges[0]
-    in_plane = all(np.linalg.norm(np.cross(axis, across)) < PARALLEL for axis in hinges)
+    hinge = hinges[0]
+    in_plane = all(np.linalg.norm(np.cross(axis, hinge)) < PARALLEL for axis in hinges)
     directions = [normal, *(axis for axis, slide in zip(axes, slides, strict=True) if slide)]
-    if not in_plane or any(abs(axis @ across) >= PARALLEL for axis in directions):
+    if not in_plane or any(abs(axis @ hinge) >= PARALLEL for axis in directions):
         return None
-    return across
+    return hinge
 
 
 class Kernel:
@@ -191,7 +191,7 @@ class Kernel:
         return answer.reshape(ROWS, -1)[:, :count]
 
     def _in_python(self, first: int, count: int, *, joint_impulses: bool) -> Array:
-        """Return what a call does, by the same functions on arrays of all postures."""
+        """Return the result of a call, by the same functions on arrays of all postures."""
         model, numbers = self._model, np.arange(first, first + count)
         n = len(model.tree)
         bodies, (state,) = blank_records(BODY, n, count), blank_records(STATE, 1, count)
@@ -209,11 +209,11 @@ class Kernel:
         return answer.reshape(ROWS, count)
 
     def _motion(self, k: int, values: Array) -> Array:
-        """Return what the kernel needs of a joint's values: cosine and sine, or a slide and 0."""
-        turned = self._model.senses[k] * values
+        """Return cosine and sine of a joint's values for the kernel, or a slide and 0."""
+        signed = self._model.senses[k] * values
         if self._model.tree["slides"][k]:
-            return np.column_stack([turned, np.zeros(len(values))])
-        return np.column_stack([np.cos(turned), np.sin(turned)])
+            return np.column_stack([signed, np.zeros(len(values))])
+        return np.column_stack([np.cos(signed), np.sin(signed)])
 
     def _memory(self) -> tuple[NDArray[Any], ...]:
         """Return the memory that a call of the kernel works in, joints at 0."""

@@ -5,9 +5,9 @@ Whatever depends on the posture is a batch of postures, see `kickdyn.core.lanes`
 The functions have these arguments in common; joints count from 1, as Pinocchio's do:
 
     tree, task: constants of the joints and of the kick, see `JOINT` and `kernel.TASK`.
-    bodies: what is computed of each joint, see `tree_kernel`.
+    bodies: quantities of each joint, see `tree_kernel`.
     inertia: M, shape `(n + 1, n + 1)`, lower triangle.
-    state: what is computed of each posture, see `STATE`.
+    state: quantities of each posture, see `STATE`.
 """
 
 import math

@@ -36,12 +36,12 @@ _LANGUAGE = "comparisons (< <= > >= == !=) of names and numbers (+ - * /), and, 
 
 
 def possible(data: xr.Dataset) -> xr.DataArray:
-    """Return where the leg can kick so: a boolean array, true where the status is `ok`."""
+    """Return a boolean array, true where the leg can kick so: the status is `ok`."""
     return data["status"] == PostureStatus.OK.flag
 
 
 def condition(data: xr.Dataset, text: str) -> xr.DataArray:
-    """Return where the postures of a dataset fulfil a condition, such as `20 < knee < 30`.
+    """Return a boolean array, true where postures fulfil a condition, such as `20 < knee < 30`.
 
     The text is parsed, never run: it consists of joints and variables, numbers, `+ - * /`,
     comparisons, `and`, `or`, `not` and brackets. A name that Python would not take stands in
@@ -99,9 +99,9 @@ def _column(data: xr.Dataset, name: str) -> xr.DataArray:
     joints = [str(joint) for joint in data.coords if str(joint)[:-4] not in data.coords]
     names = [*joints, *(variable for variable in VARIABLES if variable in data)]
     if name not in names:
-        known = ", ".join(f"{known} [{shown_unit(data, known)}]" for known in names)
+        choices = ", ".join(f"{entry} [{shown_unit(data, entry)}]" for entry in names)
         reason = "which this sweep does not keep" if name in VARIABLES else "which is unknown"
-        raise InvalidInput(f"names {name!r}, {reason}: there are {known}")
+        raise InvalidInput(f"names {name!r}, {reason}: there are {choices}")
     return shown(data, name)
 
 
@@ -155,10 +155,10 @@ def pareto_front(
         InvalidInput: an unknown variable or a condition that cannot be read.
     """
     points = np.empty((0, 3))
-    for first, block in blocks(data):
+    for start, block in blocks(data):
         chosen = chosen_postures(block, where)
         columns = [_column(block, name).values.ravel()[chosen] for name in (more, less)]
-        points = front_of(np.vstack([points, np.column_stack([*columns, first + chosen])]))
+        points = front_of(np.vstack([points, np.column_stack([*columns, start + chosen])]))
     places = np.unravel_index(points[:, 2].astype(np.int64), data["status"].shape)
     dims = zip(data["status"].dims, places, strict=True)
     return data.isel({name: ("posture", i) for name, i in dims}).load()
@@ -184,8 +184,8 @@ def front_of(points: Array) -> Array:
     points = points[points[:, 1] < rival[bins + 1]]
     ordered = points[np.lexsort((points[:, 2], points[:, 1], -points[:, 0]))]
     lightest = np.minimum.accumulate(ordered[:, 1])
-    kept = np.concatenate([[True], lightest[1:] < lightest[:-1]])
-    return np.asarray(ordered[kept])
+    efficient = np.concatenate([[True], lightest[1:] < lightest[:-1]])
+    return np.asarray(ordered[efficient])
 
 
 def outcome_at(leg: Leg, kick: Kick, posture: xr.Dataset) -> PostureOutcome:

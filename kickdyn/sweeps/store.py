@@ -173,7 +173,7 @@ class SweepStore:
             draft.replace(file)
 
     def finish(self) -> None:
-        """Record that every chunk is computed; remove what killed processes left."""
+        """Record that every chunk is computed; remove files of killed processes."""
         for file in self.path.rglob("*.partial"):
             file.unlink()
         for draft in self.path.parent.glob(f"{glob.escape(self._draft_prefix)}*"):
@@ -307,7 +307,7 @@ MISSING = "is missing"
 
 
 def _damage(file: Path) -> str:
-    """Return what is wrong with the file of a chunk that ends with a checksum, or nothing."""
+    """Return the damage of a chunk's file, which ends with a checksum, or nothing."""
     from google_crc32c import value as checksum
 
     try:

@@ -84,9 +84,9 @@ class Summary:
         over: list[tuple[str, ...]] = [*pairs] or [tuple([*varied, *joints][:1])]
         self.maps = {names: SpeedMap(self.axes, names) for names in over}
         if where is not None:  # refuse what cannot be read before any posture is computed
-            first = described.isel({name: slice(0, 1) for name in joints})
+            corner = described.isel({name: slice(0, 1) for name in joints})
             rows, status = np.ones((len(VARIABLES), 1)), np.zeros(1, np.int8)
-            condition(with_variables(first, rows, status, kept), where)
+            condition(with_variables(corner, rows, status, kept), where)
 
     @property
     def postures(self) -> int:
@@ -95,7 +95,7 @@ class Summary:
 
     def add(self, block: xr.Dataset) -> None:
         """Add the next postures, in the order of the grid."""
-        first = sum(self.counts.values())
+        begin = sum(self.counts.values())
         numbers = np.bincount(block["status"].values.ravel() + 1, minlength=len(PostureStatus))
         for status in PostureStatus:
             self.counts[status.value] += int(numbers[status.flag + 1])
@@ -109,36 +109,36 @@ class Summary:
         speed, load, use = (block[name].values.ravel()[places] for name in NEEDED)
         slowest = int(speed.argmin())
         if speed[slowest] < self._lowest:
-            self._lowest, self.worst = float(speed[slowest]), first + int(places[slowest])
-        points = np.column_stack([speed, load, first + places])
+            self._lowest, self.worst = float(speed[slowest]), begin + int(places[slowest])
+        points = np.column_stack([speed, load, begin + places])
         self.front = front_of(np.vstack([self.front, points]))
         few = min(KEPT_POSTURES, speed.size)
         fast = np.vstack([self.best, points[speed >= np.partition(speed, -few)[-few]]])
         self.best = fast[np.argsort(-fast[:, 0], kind="stable")[:KEPT_POSTURES]]
         draws = np.append(self._draws, self._random.random(len(load)))
-        kept = np.argsort(draws)[:SAMPLE_SIZE]  # the smallest of all draws so far
+        smallest = np.argsort(draws)[:SAMPLE_SIZE]  # the smallest of all draws so far
         rows = np.vstack([self.sample, np.column_stack([load, speed, use])])
-        self._draws, self.sample = draws[kept], rows[kept]
+        self._draws, self.sample = draws[smallest], rows[smallest]
         speeds = np.full(block["status"].shape, np.nan)
         speeds.reshape(-1)[places] = speed
-        start = np.unravel_index(first, [len(axis) for axis in self.axes.values()])
+        start = np.unravel_index(begin, [len(axis) for axis in self.axes.values()])
         for speed_map in self.maps.values():
             speed_map.add(dict(zip(self.axes, start, strict=True)), speeds)
 
     def as_json(self) -> dict[str, Any]:
         """Return the best postures and the front: joints, ball speed and impulse as lists."""
-        kept = {}
+        entries = {}
         for name, rows in (("best", self.best), ("front", self.front)):
             shape = [len(axis) for axis in self.axes.values()]
             index = np.unravel_index(rows[:, 2].astype(np.int64), shape)
             angles = zip(self.axes.items(), index, strict=True)
             values = {joint: axis[i].tolist() for (joint, axis), i in angles}
-            kept[name] = {
+            entries[name] = {
                 **joint_values_by_unit(values, self.units),
                 "ball_speed": rows[:, 0].tolist(),
                 "worst_joint_impulse": rows[:, 1].tolist(),
             }
-        return kept
+        return entries
 
 
 def joint_values_by_unit(values: dict[str, T], units: dict[str, str]) -> dict[str, dict[str, T]]:

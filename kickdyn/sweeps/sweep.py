@@ -90,7 +90,7 @@ def sweep(
             memory does not grow with the grid. None returns up to a million postures in memory.
         variables: names of the variables to keep beside `status`, such as
             `["ball_speed", "carry"]`; None keeps all, about 30 bytes a posture in a store.
-        resume: whether to compute only what `store` lacks.
+        resume: whether to compute only the chunks that `store` lacks.
         tolerance: largest error of `carry` [m] where balls fly through air in the plane of the leg,
             whose carries are interpolated between flights; 0 flies every ball, to 1e-8 of its
             carry.
@@ -126,7 +126,7 @@ def sweep(
         raise InvalidInput("threads and executor exclude each other: give one of them")
     if store is None and (resume or executor is not None):
         raise InvalidInput("resume and executor need a store: name it with store=")
-    kept = select_variables(variables)
+    selected = select_variables(variables)
     stored = store is not None
     solver = ChunkSolver(leg, Grid.of(leg, postures, samples), kick, tolerance, stored=stored)
     described = solver.describe()
@@ -134,9 +134,9 @@ def sweep(
         check_size(solver.grid.shape, IN_MEMORY)
         chunks = zip(*_solved(solver, threads, progress), strict=True)
         rows, status = (np.hstack(arrays) for arrays in chunks)
-        return with_variables(described.assign_attrs(finished=1), rows, status, kept)
-    sent = None if executor is None else _pickled(Path(store).absolute(), kept, solver)
-    filled = SweepStore(store, described, kept, solver.chunk, resume=resume)
+        return with_variables(described.assign_attrs(finished=1), rows, status, selected)
+    sent = None if executor is None else _pickled(Path(store).absolute(), selected, solver)
+    filled = SweepStore(store, described, selected, solver.chunk, resume=resume)
     if not filled.created:
         check_identified(kick)
     writing = nullcontext(partial(_write_chunk, filled, solver))
@@ -188,7 +188,7 @@ def _fill(
     write: Callable[[int], int],
     progress: Progress | None,
 ) -> None:
-    """Compute and write what a store lacks, in this process or in the processes of the pool."""
+    """Compute and write the missing chunks of a store, in this process or in those of the pool."""
     missing = store.missing()
     if progress is not None:
         progress(store.size - store.count(missing))
@@ -209,7 +209,7 @@ def _write_chunk(store: SweepStore, solver: ChunkSolver, k: int) -> int:
 
 
 def _pickled(path: Path, variables: Sequence[str], solver: ChunkSolver) -> bytes:
-    """Return what `_received` needs in another process."""
+    """Return the pickle that `_received` takes in another process."""
     arguments = solver.leg, solver.grid, solver.kick, solver.tolerance
     try:
         return pickle.dumps((path, variables, arguments))
@@ -261,7 +261,7 @@ def _received(folder: str, digest: str) -> tuple[SweepStore, ChunkSolver]:
 def _in_order(
     executor: Executor, function: Callable[[int], T], numbers: Iterable[int], ahead: int
 ) -> Iterator[T]:
-    """Yield what a function returns for numbers, in their order; `ahead` are computed ahead."""
+    """Yield the results of a function of numbers, in their order; `ahead` are computed ahead."""
     waiting, submitted = iter(numbers), deque[Future[T]]()
     try:
         while True:
@@ -282,7 +282,7 @@ def _in_order(
 def _check_connection(executor: Executor) -> None:
     """Raise `CancelledError` if the scheduler of a dask.distributed executor has closed.
 
-    A client that is told so by the scheduler neither cancels its futures nor closes itself
+    A client that its scheduler informs of this neither cancels its futures nor closes itself
     (distributed 2026.8): nothing else would end the wait for a result.
     """
     client = getattr(executor, "_client", None)

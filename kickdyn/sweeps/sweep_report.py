@@ -119,7 +119,7 @@ FASTEST = 1e6
 
 
 def _caption(line: ReportLine, kick: Kick) -> str:
-    """Return what happens in a posture, as sentences."""
+    """Return the description of the kick in a posture, as sentences."""
     if line.outcome.impact is None:
         return "The foot cannot move in this direction."
     values = line.values
@@ -176,8 +176,8 @@ def _shown_joints(leg: Leg, lines: Sequence[ReportLine]) -> list[str]:
     """Return the joints between the base and the contact frame, and all that are not at 0."""
     model = leg.workspace.model
     path = {str(model.names[joint]) for joint in model.supports[leg.contact_joint]}
-    moved = {name for line in lines for name, value in line.angles.items() if value}
-    return [name for name in leg.single_joints if name in path | moved]
+    nonzero = {name for line in lines for name, value in line.angles.items() if value}
+    return [name for name in leg.single_joints if name in path | nonzero]
 
 
 def table(leg: Leg, lines: Sequence[ReportLine]) -> Table:

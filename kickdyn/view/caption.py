@@ -39,8 +39,8 @@ def panel_of(
     The rest is warnings, the other sentences, folded if they are long, and `end`, which is HTML;
     texts are plain.
     """
-    first, stop, further = text.partition(". ")
-    head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{escape(first + stop)}</p>\n" if text else "")
+    lead, stop, further = text.partition(". ")
+    head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{escape(lead + stop)}</p>\n" if text else "")
     lines = "".join(f'<p class="warning">{escape(warning)}</p>\n' for warning in warnings)
     more = f"<p>{escape(further)}</p>\n" if further else ""
     if len(more) > FOLDED_CHARACTERS:

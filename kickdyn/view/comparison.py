@@ -52,14 +52,14 @@ def draw_flights(
         path.sample(np.linspace(0, path.duration, CURVE_POINTS)).position for path in paths.values()
     ]
     points = np.vstack(curves)
-    first = next(iter(paths.values()))
-    start = first.launch.position
-    radius = (first.flights[0] if isinstance(first, Course) else first).ball.radius
+    reference = next(iter(paths.values()))
+    start = reference.launch.position
+    radius = (reference.flights[0] if isinstance(reference, Course) else reference).ball.radius
     distances = np.hypot(*(points - points[0])[:, :2].T)
     length, forward = distances.max(), level_direction(points[distances.argmax()] - points[0])
     size = max(float(np.ptp(points, axis=0).max()), radius)
-    near = box_corners(np.array([start, start + 0.3 * size * UP_AXIS]), 0.02 * size)
-    camera = camera_for(near, box_corners(points, radius), forward)
+    foreground = box_corners(np.array([start, start + 0.3 * size * UP_AXIS]), 0.02 * size)
+    camera = camera_for(foreground, box_corners(points, radius), forward)
     set_stage(viewer, camera, points)
     rows = []
     for number, (name, path) in enumerate(paths.items()):
@@ -88,7 +88,7 @@ def draw_flights(
 
 
 def _length(path: Flight | Course) -> str:
-    """Return how far, how high and how long a ball goes."""
+    """Return distance, height and time of a ball's path, as text."""
     if isinstance(path, Course):
         return f"{path.distance:.4g} m along the ground, {path.duration:.3g} s"
     return f"{path.range:.3g} m, rises {path.height:.3g} m, {path.duration:.3g} s"

@@ -34,7 +34,7 @@ FLOAT = 5126
 
 
 def to_glb(recorder: Recorder) -> bytes:
-    """Return what a recorder has drawn as binary glTF, with its animation.
+    """Return the drawing of a recorder as binary glTF, with its animation.
 
     Bodies, arrows, curves and the ground are meshes with colours, in metres; labels, light and
     shadows are left out. Each path of the recorder is a node with the path as its name, `/` as `_`.
@@ -73,9 +73,9 @@ def to_glb(recorder: Recorder) -> bytes:
         scene.add_geometry(
             mesh, node_name=name, geom_name=name, parent_node_name=parent, transform=placement
         )
-    moved = {path.removeprefix(ROOT).replace("/", "_"): clip for path, clip in clips.items()}
+    animated = {path.removeprefix(ROOT).replace("/", "_"): clip for path, clip in clips.items()}
     content = bytes(scene.export(file_type="glb"))
-    return _animated(content, {name: clip for name, clip in moved.items() if name in nodes})
+    return _animated(content, {name: clip for name, clip in animated.items() if name in nodes})
 
 
 def _animated(content: bytes, clips: dict[str, dict[str, Any]]) -> bytes:
@@ -91,8 +91,8 @@ def _animated(content: bytes, clips: dict[str, dict[str, Any]]) -> bytes:
             continue
         _take_apart(node)
         for track in clip["tracks"]:
-            frames, first = np.unique([key["time"] for key in track["keys"]], return_index=True)
-            values = np.array([track["keys"][k]["value"] for k in first])
+            frames, indices = np.unique([key["time"] for key in track["keys"]], return_index=True)
+            values = np.array([track["keys"][k]["value"] for k in indices])
             sampler = {
                 "input": _append(tree, blob, frames / clip["fps"]),
                 "output": _append(tree, blob, values),
@@ -146,8 +146,7 @@ def _mesh(lowered: dict[str, Any]) -> Any:
         return None
     match geometry["type"]:
         case "BoxGeometry":
-            sizes = [geometry[name] for name in ("width", "height", "depth")]
-            mesh = trimesh.creation.box(sizes)
+            mesh = trimesh.creation.box([geometry[name] for name in ("width", "height", "depth")])
         case "SphereGeometry":
             mesh = trimesh.creation.uv_sphere(geometry["radius"], count=[SEGMENTS, SEGMENTS])
         case "CylinderGeometry":

@@ -132,19 +132,19 @@ def draw_kick(
         duration = max(duration, float(run.ball_after.time) + run.path.duration)
     pace = kick_pace(impact, duration, None if motion is None else -motion.begin)
     configuration = partial(leg_configuration, impact) if motion is None else motion.q
-    moved = [configuration(time) for time in pace.times]
+    postures = [configuration(time) for time in pace.times]
     curve = path.sample(np.linspace(0.0, path.duration, CURVE_POINTS)).position
-    come = np.zeros((0, 3))
+    incoming = np.zeros((0, 3))
     if arrival is not None:
-        come = arrival.sample(np.linspace(-arrival.wait, 0.0, CURVE_POINTS)).position
+        incoming = arrival.sample(np.linspace(-arrival.wait, 0.0, CURVE_POINTS)).position
     forward = level_direction(curve[-1] - curve[0])
     right = np.cross(forward, UP_AXIS)
     bottom = float(min(before.position[2], curve[-1, 2])) - ball.radius
-    floor = bottom if lies else _ground_height(impact, moved, bottom)
+    floor = bottom if lies else _ground_height(impact, postures, bottom)
     foot = np.array([*before.position[:2], floor])
 
-    near = corners_around(impact)
-    size, most = float(np.linalg.norm(np.ptp(near, axis=0))), largest_impulse(impact)
+    foreground = corners_around(impact)
+    size, most = float(np.linalg.norm(np.ptp(foreground, axis=0))), largest_impulse(impact)
     scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
     arrows = impulse_arrows(impact, LEAST_JOINT_IMPULSE * most)
     # The world's axes stand at the right of the flight, behind the ball.
@@ -155,22 +155,22 @@ def draw_kick(
         figure,
         *(arrow.start + scale * arrow.impulse[None] for arrow in arrows),
         origin + axis * np.vstack([np.zeros(3), np.eye(3)]),
-        box_corners(np.vstack([curve, come]), ball.radius),
+        box_corners(np.vstack([curve, incoming]), ball.radius),
         foot[None],
         *(box.corners() for box in scenery),
     ]
     if motion is not None:
-        passed = [pose[:3, 3] for q in moved[::8] for pose in joint_poses(leg, q)[1:]]
-        passed += [leg.posture(q).contact_point for q in moved[::8]]
+        passed = [pose[:3, 3] for q in postures[::8] for pose in joint_poses(leg, q)[1:]]
+        passed += [leg.posture(q).contact_point for q in postures[::8]]
         far.append(box_corners(np.array(passed), ball.radius))
     drawn = None
     if run is not None:
         drawn = draw_run(viewer, run, forward, figure)
-        near = np.vstack([near, figure, drawn.corners])
+        foreground = np.vstack([foreground, figure, drawn.corners])
         far += [drawn.corners, drawn.curve]
     points = np.vstack(far)
-    camera = camera_for(near, points, forward, behind=bool(scenery) or run is not None)
-    set_stage(viewer, camera, np.vstack([near, points]))
+    camera = camera_for(foreground, points, forward, behind=bool(scenery) or run is not None)
+    set_stage(viewer, camera, np.vstack([foreground, points]))
 
     marks.draw_ball(viewer["ball"], ball.radius, before.position)
     text = _draw_tee(viewer, impact, foot, lies=lies)
@@ -179,8 +179,8 @@ def draw_kick(
     if drawn is not None and len(drawn.curve):
         draw_run_curve(viewer, drawn, width(drawn.curve), right)
     if arrival is not None:
-        aside = np.cross(level_direction(come[-1] - come[0]), UP_AXIS)
-        marks.draw_curve(viewer["arrival"], come, width(come), aside, marks.ARRIVAL)
+        sideways = np.cross(level_direction(incoming[-1] - incoming[0]), UP_AXIS)
+        marks.draw_curve(viewer["arrival"], incoming, width(incoming), sideways, marks.ARRIVAL)
         met = f"met after {arrival.wait:.3g} s"
         draw_label(viewer["meeting"], met, before.position, f"#{marks.ARRIVAL:06x}")
     draw_impulses(viewer, arrows, scale)
@@ -194,7 +194,7 @@ def draw_kick(
     marks.draw_distances(viewer["distances"], foot, forward, stripe, length)
     label_end(viewer, path, curve)
     pose_at = partial(ball_pose, before, path, arrival=arrival)
-    animation = _animation(viewer, pose_at, impact, pace, moved, arrows, drawn)
+    animation = _animation(viewer, pose_at, impact, pace, postures, arrows, drawn)
     viewer.set_animation(animation, repetitions=math.inf)
     return pace, text
 
@@ -307,15 +307,15 @@ def leg_configuration(impact: Impact, time: float) -> Array:
     fastest = float(np.abs(impact.v_after).max())
     if time > 0 and fastest > 0:
         stop = SWING_LENGTH / fastest
-        moved = pin.integrate(model, q, -stop * math.expm1(-time / stop) * impact.v_after)
+        displaced = pin.integrate(model, q, -stop * math.expm1(-time / stop) * impact.v_after)
     else:
-        moved = pin.integrate(model, q, min(time, 0.0) * impact.v_before)
+        displaced = pin.integrate(model, q, min(time, 0.0) * impact.v_before)
     # Only a joint of one number has a range; and a posture outside it must not jump back.
     single = np.zeros(model.nq, dtype=bool)
     for joint in model.joints[1:]:
         single[joint.idx_q] = joint.nq == 1
-    within = np.clip(moved, np.fmin(leg.lower, q), np.fmax(leg.upper, q))
-    return hold_support(impact.posture, np.where(single, within, moved))
+    within = np.clip(displaced, np.fmin(leg.lower, q), np.fmax(leg.upper, q))
+    return hold_support(impact.posture, np.where(single, within, displaced))
 
 
 def ball_pose(

@@ -182,7 +182,7 @@ def _shapes(visual: Visual, read: MeshReader) -> Iterator[tuple[Any, Array, Arra
 
 
 def _sticks(leg: Leg, drawn: set[int]) -> Iterator[BodyShape]:
-    """Yield what stands for the bodies of all joints but the drawn ones.
+    """Yield the stick figure of the bodies of all joints but the drawn ones.
 
     It is a sphere at the joint, and cylinders to the next joints and to the contact point. A joint
     whose next ones are all in the same place has none: the bodies between them have no extent.

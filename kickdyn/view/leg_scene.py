@@ -45,11 +45,11 @@ def draw_motion(viewer: Any, motion: Motion, text: str) -> tuple[str, Pace]:
     times = np.linspace(motion.begin, motion.end, count + 1)
     hit = round(count * motion.begin / (motion.begin - motion.end))
     pace = Pace(times, hit, count)
-    moved = [motion.q(time) for time in times.tolist()]
+    postures = [motion.q(time) for time in times.tolist()]
     leg = motion.robot
-    _draw(viewer, leg, moved)
+    _draw(viewer, leg, postures)
     animation = Animation(default_framerate=RATE)
-    for number, q in enumerate(moved):
+    for number, q in enumerate(postures):
         with animation.at_frame(viewer, number) as frame:
             for joint, pose in list(enumerate(joint_poses(leg, q)))[1:]:
                 frame[f"leg/{joint}"].set_transform(pose)

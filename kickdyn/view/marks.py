@@ -115,18 +115,18 @@ def draw_curve(
     to the curve.
     """
     moves = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    kept = np.concatenate([[True], moves > 1e-9 * np.abs(points).max()])
-    points, radii = points[kept], radii[kept]
+    distinct = np.concatenate([[True], moves > 1e-9 * np.abs(points).max()])
+    points, radii = points[distinct], radii[distinct]
     if len(points) < 2:
         return
     # Forward differences: central ones vanish where a ball that went straight up turns back.
     tangents = np.diff(points, axis=0, append=2 * points[-1:] - points[-2:-1])
-    first = np.cross(tangents, sideways)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    second = np.cross(tangents, first)
-    second /= np.linalg.norm(second, axis=1, keepdims=True)
+    normal = np.cross(tangents, sideways)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    binormal = np.cross(tangents, normal)
+    binormal /= np.linalg.norm(binormal, axis=1, keepdims=True)
     angle = 2 * np.pi * np.arange(SIDES) / SIDES
-    ring = np.cos(angle)[:, None] * first[:, None] + np.sin(angle)[:, None] * second[:, None]
+    ring = np.cos(angle)[:, None] * normal[:, None] + np.sin(angle)[:, None] * binormal[:, None]
     vertices = (points[:, None] + radii[:, None, None] * ring).reshape(-1, 3)
     begin = SIDES * np.arange(len(points) - 1)[:, None]
     a, b = begin + np.arange(SIDES), begin + (np.arange(SIDES) + 1) % SIDES
@@ -160,7 +160,7 @@ def draw_arrow(viewer: Any, vector: Array, colour: int) -> None:
 
 
 def _overlay(colour: int) -> Any:
-    """Return the material of what is drawn over nearer things too."""
+    """Return the material of marks that are drawn over nearer things too."""
     # Transparent things are drawn last; without a depth test nothing covers them.
     return shapes.MeshBasicMaterial(color=colour, transparent=True, depthTest=False)
 

@@ -56,7 +56,7 @@ class Page:
         viewer: the `meshcat.Visualizer` into which the scene is drawn.
         title: of the page, plain text.
         panel: HTML laid over the scene.
-        pace: of the animation; None where nothing moves.
+        pace: of the animation; None if nothing moves.
         warnings: a line for each robot with visuals that are not drawn, because a mesh is missing,
             say; the panel shows them too.
         pages: this page and others by the names of buttons, which show them; empty for one page.
@@ -248,8 +248,8 @@ def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
         )
     caption = caption or scene.name[:1].upper() + scene.name[1:]
     if simulation.neglected:
-        moved = simulation.model_error
-        distance = distance_in_words(moved) if math.isfinite(moved) else "an unknown distance"
+        error = simulation.model_error
+        distance = distance_in_words(error) if math.isfinite(error) else "an unknown distance"
         caption += f", contact shown as instantaneous; this moves the end of the path by {distance}"
     text = ". ".join(filter(None, [caption, simulation.pitch_text]))
     kick = _Kick(impact, path, text, warnings=simulation.warnings)
@@ -271,8 +271,8 @@ def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
 
 def page_of_pages(pages: Mapping[str, Page]) -> Page:
     """Return the first of some pages, with buttons for each of them by its name."""
-    first = next(iter(pages.values()))
-    shown = Page(first.viewer, first.title, first.panel, first.pace)
+    initial = next(iter(pages.values()))
+    shown = Page(initial.viewer, initial.title, initial.panel, initial.pace)
     shown.pages = dict(pages)
     shown.warnings = tuple(dict.fromkeys(line for page in pages.values() for line in page.warnings))
     return shown

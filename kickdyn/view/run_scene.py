@@ -51,7 +51,7 @@ class SimulatedRun(Protocol):
 
     @property
     def path(self) -> Flight | Course | None:
-        """Path of the ball from then on; None where the foot misses it."""
+        """Path of the ball from then on; None if the foot misses it."""
 
     @property
     def summary(self) -> str:

@@ -45,7 +45,7 @@ class View:
         self._page: Page | None = None
         self._version = self._camera_version = 0  # of the scene, and of the one that set the camera
         self._still: StillKick | None = None
-        self._moves: Moves | None = None  # from the scene to what is shown
+        self._moves: Moves | None = None  # from the scene to the present picture
         self._moves_version = 0
         self._open = True
         view = self
@@ -53,8 +53,8 @@ class View:
         class Handler(BaseHTTPRequestHandler):
             def do_GET(self) -> None:
                 # under another name of this machine, a page from elsewhere could read the scene
-                known = self.headers.get_all("Host") in hosts
-                if not known or self.path not in (f"/{token}/", f"/{token}/events"):
+                trusted = self.headers.get_all("Host") in hosts
+                if not trusted or self.path not in (f"/{token}/", f"/{token}/events"):
                     self.send_error(404)
                     return
                 is_page = self.path.endswith("/")
@@ -98,7 +98,7 @@ class View:
         milliseconds.
 
         Raises:
-            InvalidInput: as of `page`.
+            InvalidInput: as for `page`.
         """
         still = self._still
         if still is None or not isinstance(subject, Impact) or subject.posture.leg is not still.leg:
@@ -130,7 +130,7 @@ class View:
             self._changed.notify_all()
 
     def _messages(self) -> Iterator[str]:
-        """Yield what a browser gets, from the present scene on until the view is closed."""
+        """Yield the messages to a browser, from the present scene on until the view is closed."""
         numbers: dict[bytes, int] = {}  # of the commands that the browser has
         version = moves_version = 0
         while self._open:
@@ -175,7 +175,7 @@ class View:
 
 
 def _moves_message(moves: Moves) -> str:
-    """Return what moves the parts of a scene in a browser."""
+    """Return the message that moves the parts of a scene in a browser."""
     labels = f'<div class="labels scene" data-scene="0">\n{moves.labels}\n</div>'
     update = {
         "moves": [base64.b64encode(packed).decode() for packed in moves.commands],

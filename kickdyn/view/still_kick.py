@@ -78,8 +78,8 @@ class StillKick:
         self.leg, viewer = leg, recording_viewer()
         path = _flown(impact, path)
         corners = draw_leg(viewer["leg"], leg, impact.posture.q)
-        near, most = corners_around(impact), largest_impulse(impact)
-        self._size = float(np.linalg.norm(np.ptp(near, axis=0)))
+        foreground, most = corners_around(impact), largest_impulse(impact)
+        self._size = float(np.linalg.norm(np.ptp(foreground, axis=0)))
         self._scale = 0.45 * self._size / most if most > 0 else 0.0
         radii = impulse_ellipsoid(impact.posture)[0]
         self._per_root = ELLIPSOID_SHARE * self._size / max(float(radii.max()), 1e-9)
@@ -87,8 +87,8 @@ class StillKick:
         self._forward = level_direction(curve[-1] - curve[0])
         longer = curve[0] + LONGEST_SHARE * (curve - curve[0])  # so that other flights are seen
         far = np.vstack([corners, box_corners(longer, ball.radius)])
-        self._camera = camera_for(near, far, self._forward)
-        set_stage(viewer, self._camera, np.vstack([near, curve]))
+        self._camera = camera_for(foreground, far, self._forward)
+        set_stage(viewer, self._camera, np.vstack([foreground, curve]))
         foot = self._ground(impact)
         length = float(np.hypot(*(curve[-1] - foot)[:2]))
         stripe = stripe_width(length + self._size)
@@ -101,13 +101,12 @@ class StillKick:
         )
         viewer["ellipsoid"].set_object(shapes.Sphere(1.0), look)
         self.arrow_nodes: set[str] = set()
-        panel = self._draw(viewer, impact, path, caption)
-        self.page = Page(viewer, leg.name or "leg", panel)
+        self.page = Page(viewer, leg.name or "leg", self._draw(viewer, impact, path, caption))
 
     def moves(
         self, impact: Impact, path: Flight | Course | None = None, caption: str = ""
     ) -> Moves:
-        """Return what makes another kick of the same leg of the scene."""
+        """Return the changes of the scene for another kick of the same leg."""
         viewer = recording_viewer()
         panel = self._draw(viewer, impact, _flown(impact, path), caption)
         return Moves(viewer.window.commands, "\n".join(viewer.window.labels), panel)
@@ -121,8 +120,7 @@ class StillKick:
 
     def _draw(self, viewer: Any, impact: Impact, path: Flight | Course, caption: str) -> str:
         """Draw all that moves, and return the panel."""
-        leg = impact.posture.leg
-        for joint, pose in enumerate(joint_poses(leg, impact.posture.q)):
+        for joint, pose in enumerate(joint_poses(impact.posture.leg, impact.posture.q)):
             viewer[f"leg/{joint}"].set_transform(pose)
         viewer["ball"].set_transform(tf.translation_matrix(impact.ball_before.position))
         viewer["ground"].set_transform(marks.level_pose(self._ground(impact), self._forward))

@@ -13,8 +13,14 @@ from kickdyn.core.files import read_text
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import FaultyFile, InvalidInput
-from kickdyn.identification.track import LARGEST_FILE, METRES, Track, c3d_content
-from kickdyn.robot.names import unknown
+from kickdyn.identification.track import (
+    LARGEST_FILE,
+    METRES,
+    Track,
+    c3d_content,
+    find_label,
+    with_gaps,
+)
 
 CENTRE_STEPS = 10
 """Gauss-Newton steps to the centre of a ball."""
@@ -43,7 +49,7 @@ class BodyTrack(ReprMixin):
             NaN where one is not known.
 
     Raises:
-        InvalidInput: other shapes, a name twice, infinite entries, or times that do not increase.
+        InvalidInput: other shapes, infinite entries, or times that do not increase.
 
     Example:
         >>> import numpy as np
@@ -76,9 +82,6 @@ class BodyTrack(ReprMixin):
                 f"markers is {validation.brief(markers)}: it must be a list of names"
             )
         names = tuple(markers)
-        twice = [name for name in names if names.count(name) > 1]
-        if twice:
-            raise InvalidInput(f"marker {twice[0]!r} is named twice: names must differ")
         shape = (moments.size, len(names), 3)
         points = _with_gaps("positions", np.zeros(shape) if positions is None else positions, shape)
         coordinates = {
@@ -115,12 +118,7 @@ class BodyTrack(ReprMixin):
         Raises:
             InvalidInput: no marker of this name, or several with different prefixes.
         """
-        ends = [k for k, label in enumerate(self.markers) if label.endswith(f":{name}")]
-        if name in self.markers:
-            return self.markers.index(name)
-        if len(ends) == 1:
-            return ends[0]
-        raise InvalidInput(unknown("marker", name, "the track", self.markers))
+        return find_label(name, self.markers, "the track")
 
     @validation.check_arguments
     def marker_track(self, name: str, *others: str, radius: float | None = None) -> Track:
@@ -207,13 +205,13 @@ class BodyTrack(ReprMixin):
         lines = read_text(file, source, LARGEST_FILE, FaultyFile).splitlines()
         if len(lines) < 6 or not lines[0].startswith("PathFileType"):
             raise FaultyFile(source, ["is not a TRC file: its first word must be PathFileType"])
-        header = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=False))
-        unit = header.get("Units", "").strip().lower()
+        header = dict(zip(lines[1].split(), lines[2].split(), strict=False))
+        unit = header.get("Units", "").lower()
         if unit not in METRES:
             raise FaultyFile(source, [f"its unit is {unit!r}: it must be {', '.join(METRES)}"])
         names = [name.strip() for name in lines[3].split("\t")[2:] if name.strip()]
         table = _table(source, lines[5:], "\t", 2 + 3 * len(names), first_line=6)
-        points = METRES[unit] * table[:, 2:].reshape(len(table), -1, 3)
+        points = METRES[unit] * with_gaps(table[:, 2:].reshape(len(table), -1, 3))
         return cls(table[:, 1], names, _with_z_up(points, axis))
 
     @classmethod
@@ -221,8 +219,9 @@ class BodyTrack(ReprMixin):
     def from_mot(cls, file: str | PathLike[str]) -> "BodyTrack":
         """Read joint angles of a MOT file of OpenSim; angles in degrees become radians.
 
-        A file with `inDegrees=yes` has degrees in all columns except the translations, whose names
-        end in `_tx`, `_ty` or `_tz`.
+        A file with `inDegrees=yes`, a SIMM header or a note about degrees has degrees in all
+        columns except the translations, whose names end in `_tx`, `_ty` or `_tz`. Columns that
+        share their name are left out.
 
         Args:
             file: the file, text up to 64 MB.
@@ -236,17 +235,21 @@ class BodyTrack(ReprMixin):
         if not ends or ends[0] + 1 >= len(lines):
             raise FaultyFile(source, ["is not a MOT file: it must have a line endheader"])
         end = ends[0]
-        settings = {line.replace(" ", "").lower() for line in lines[:end]}
+        header = ["".join(line.split()).lower() for line in lines[:end]]
         names = lines[end + 1].split()
-        if not names or names[0] != "time" or len(set(names)) < len(names):
-            raise FaultyFile(source, [f"line {end + 2} must name different columns, time first"])
+        if not names or names[0] != "time":
+            raise FaultyFile(source, [f"line {end + 2} must name the columns, time first"])
         table = _table(source, lines[end + 2 :], None, len(names), first_line=end + 3)
-        degrees = "indegrees=yes" in settings
+        silent = not any(line.startswith("indegrees=") for line in header)
+        degrees = "indegrees=yes" in header or (
+            silent and any("simmmotionfileheader" in line or "degrees" in line for line in header)
+        )
         angles = {
             name: np.radians(column)
             if degrees and not name.endswith(("_tx", "_ty", "_tz"))
             else column
             for name, column in zip(names[1:], table.T[1:], strict=True)
+            if names.count(name) == 1
         }
         return cls(table[:, 0], angles=angles)
 

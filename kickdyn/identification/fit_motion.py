@@ -211,7 +211,8 @@ def _check_angle(track: BodyTrack, name: str) -> None:
     largest = float(np.nanmax(np.abs(track.angles[name]), initial=0.0))
     if largest > LARGEST_ANGLE:
         raise InvalidInput(
-            f"angle {name!r} is up to {largest:.4g}, as in degrees: angles must be in radians"
+            f"angle {name!r} is up to {largest:.4g}, as in degrees: angles must be in radians, or "
+            "the MOT file must say inDegrees=yes before endheader"
         )
 
 

@@ -19,7 +19,7 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.ground import Ground
-from kickdyn.identification.track import Track
+from kickdyn.identification.track import Track, doubts_of_track, mean_acceleration
 
 UNITS = {
     **dict.fromkeys(("x", "y", "z"), "m"),
@@ -177,7 +177,8 @@ class Identification(ReprMixin):
             lines.append(
                 f"{self.outliers} of {self.used.size} samples are outliers and were left out"
             )
-        return (*lines, *self.flight.warnings)
+        falling = -float(mean_acceleration(self.track)[2])
+        return (*lines, *doubts_of_track(self.track, falling), *self.flight.warnings)
 
     @styled()
     def plot(self) -> Any:

@@ -34,7 +34,12 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import INCREMENT, fly_with_slopes
 from kickdyn.identification.identification_result import UNITS, Identification, covariance
-from kickdyn.identification.track import Track, check_samples, refuse_units
+from kickdyn.identification.track import (
+    Track,
+    check_samples,
+    mean_acceleration,
+    refuse_units,
+)
 from kickdyn.planning.problem import keep_last
 
 LONGEST_FLIGHT = 30.0
@@ -288,12 +293,7 @@ def _check_flight(track: Track) -> None:
             f"the samples last {track.duration:.4g} s, but no flight takes more than "
             f"{LONGEST_FLIGHT:g} s: leave out samples with wrong times"
         )
-    refuse_units(track, -float(_bend(track)[2]))
-
-
-def _bend(track: Track) -> Array:
-    """Return the mean acceleration, from a parabola, shape `(3,)` [m/s2]."""
-    return np.asarray(2.0 * np.polyfit(track.times - track.times[0], track.positions, 2)[0])
+    refuse_units(track, -float(mean_acceleration(track)[2]))
 
 
 def _first_guess(problem: _Problem) -> Array:
@@ -301,7 +301,9 @@ def _first_guess(problem: _Problem) -> Array:
     launch, noise = _polynomial(problem.track)
     spins = [np.zeros(0)]
     if Free.SPIN in problem.sought:
-        axis = np.cross(launch[3:6], _bend(problem.track) + np.array([0.0, 0.0, GRAVITY]))
+        axis = np.cross(
+            launch[3:6], mean_acceleration(problem.track) + np.array([0.0, 0.0, GRAVITY])
+        )
         spins = [size * axis / max(float(np.linalg.norm(axis)), 1e-300) for size in FIRST_SPINS]
     guesses = {"drag": FIRST_DRAG, "drag_scale": 1.0, "lift_scale": 1.0}
     if Free.WIND in problem.sought:

@@ -35,7 +35,12 @@ from kickdyn.identification.segments_result import (
     SegmentKind,
     Segments,
 )
-from kickdyn.identification.track import Track, check_samples, refuse_units
+from kickdyn.identification.track import (
+    Track,
+    check_samples,
+    doubts_of_track,
+    refuse_units,
+)
 
 LONGEST_CUBIC = 1.0
 """Longest time that one cubic is fitted to [s]; longer flights are joined afterwards."""
@@ -170,11 +175,12 @@ def segments(
         pieces += _joined(samples, _partition(samples, first, last))
     falls = [piece.fall for piece in pieces if piece.last - piece.first >= 8]
     falling = [fall for fall in falls if fall > LEAST_FALL]
-    refuse_units(track, float(np.median(falling)) if falling else 0.0)
+    fall = float(np.median(falling)) if falling else 0.0
+    refuse_units(track, fall)
     segments = _described(samples, pieces, level + ball.radius, gaps)
     restitution, friction = _at_bounces(segments, samples, ball)
     rolling_deceleration = _rolling_deceleration(samples, segments, ball, air)
-    warnings = []
+    warnings = [*doubts_of_track(track, fall)]
     if not falling and any(segment.kind is SegmentKind.OTHER for segment in segments):
         warnings.append(
             "the ball never falls along z, which must point up: name the columns t,z,x,y if y "

@@ -8,21 +8,24 @@ import os
 import struct
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from os import PathLike
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kickdyn.core import validation
 from kickdyn.core.files import check_file, read_text
 from kickdyn.core.mechanics import GRAVITY
-from kickdyn.core.representation import ReprMixin, Row, ValueEquality
+from kickdyn.core.representation import ReprMixin, Row, ValueEquality, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import FaultyFile, InvalidInput
+from kickdyn.robot.names import unknown
 
 LEAST_SAMPLES = 5
 """Fewer positions do not determine a launch together with its standard deviations."""
@@ -40,6 +43,9 @@ OTHER_UNITS = (
 drag and lift may fall slower or faster than in free fall. For feet the range is narrow, because
 lift alone can make a ball fall as fast as a number in feet seems to."""
 
+YARDS = 1.0936
+"""Yards per metre: a ball in yards falls as one in metres does whose top spin adds 9 %."""
+
 C3D_MEMORY, C3D_TIME = 2**31, 60.0
 """Memory [bytes] and processor time [s] in which a C3D file is read."""
 
@@ -52,8 +58,11 @@ SOUND = 340.0
 FASTEST_BALL = 60.0
 """Speed of a kicked ball [m/s] above which other units do not explain it either."""
 
-METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
-"""Units of C3D files [m]."""
+METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "inch": 0.0254}
+"""Units of C3D and TRC files [m]."""
+
+LEAST_SENTINEL = 999.0
+"""Size from which three equal coordinates stand for a measurement that is missing."""
 
 
 @contextlib.contextmanager
@@ -77,6 +86,9 @@ class Track(ValueEquality, ReprMixin):
         times: times of the samples, shape `(n,)` [s], increasing.
         positions: positions of the centre, shape `(n, 3)` [m, world frame: z up].
 
+    Attributes:
+        warnings: a line for rows of a file that were taken for gaps.
+
     Raises:
         InvalidInput: other shapes, no sample, an entry that is not finite, or times that do not
             increase.
@@ -90,6 +102,7 @@ class Track(ValueEquality, ReprMixin):
 
     times: Array
     positions: Array
+    warnings: tuple[str, ...] = field(default=(), compare=False)
 
     def __init__(self, times: ArrayLike, positions: ArrayLike) -> None:
         moments = _finite_rows("times", times)
@@ -106,8 +119,10 @@ class Track(ValueEquality, ReprMixin):
                 f"times[{i + 1}] is {moments[i + 1]:.10g} s after times[{i}] of {moments[i]:.10g} "
                 "s: times must increase"
             )
-        object.__setattr__(self, "times", validation.read_only(moments))
-        object.__setattr__(self, "positions", validation.read_only(points))
+        vars(self).update(
+            times=validation.read_only(moments), positions=validation.read_only(points),
+            warnings=(),
+        )  # fmt: skip
 
     def _rows(self) -> Iterable[Row]:
         yield "samples", len(self), ""
@@ -116,6 +131,7 @@ class Track(ValueEquality, ReprMixin):
             yield "median interval", float(np.median(np.diff(self.times))), "s"
         yield "lowest corner", self.positions.min(axis=0), "m"
         yield "highest corner", self.positions.max(axis=0), "m"
+        yield from warned(self.warnings)
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -146,7 +162,9 @@ class Track(ValueEquality, ReprMixin):
     ) -> "Track":
         """Read a track from a file of comma-separated values whose first row names the columns.
 
-        Rows in which one of the four values is empty, missing or nan are gaps and are left out.
+        Rows in which one of the four values is empty, missing or nan are gaps and are left out. So
+        are rows of 0, 0, 0, or of three other equal numbers from 999 on such as -9999, if no ball
+        could be there; `warnings` says so.
 
         Args:
             file: the file, UTF-8 text, up to 64 MB.
@@ -206,7 +224,18 @@ class Track(ValueEquality, ReprMixin):
         if not values:
             raise FaultyFile(source, ["it has no row of numbers below the names of the columns"])
         table = np.array(values)
-        return cls(table[:, 0], table[:, 1:])
+        missing = _missing(table[:, 1:])
+        missing &= ~_within_reach(table[:, 0], table[:, 1:], missing)
+        if missing.all():
+            raise FaultyFile(source, ["all its rows are gaps, of one number for x, y and z"])
+        track = cls(table[~missing, 0], table[~missing, 1:])
+        if missing.any():
+            times = table[missing, 0]
+            vars(track)["warnings"] = (
+                f"{times.size} rows of {table[missing, 1][0]:g} for x, y and z are gaps, "
+                f"{times[0]:.10g} to {times[-1]:.10g} s",
+            )
+        return track
 
     @classmethod
     @validation.check_arguments
@@ -218,7 +247,8 @@ class Track(ValueEquality, ReprMixin):
 
         Args:
             file: the file, up to 64 MB, with its z axis up.
-            marker: label of the marker; None takes the only one of the file.
+            marker: label of the marker, without the prefix of its subject or with it; None takes
+                the only one of the file.
 
         Raises:
             FaultyFile: the file cannot be read, does not have the marker, or does not name its
@@ -227,24 +257,62 @@ class Track(ValueEquality, ReprMixin):
         """
         source = str(file)
         labels, scale, rate, first_frame, data = c3d_content(file)
-        if marker is None and len(labels) == 1:
-            marker = labels[0]
-        if marker not in labels:
-            asked = f"no marker {marker!r}" if marker is not None else "several markers, name one"
-            raise FaultyFile(
-                source, [f"it has {asked}: its markers are {validation.brief(labels)}"]
-            )
-        path = scale * data[labels.index(marker)]
+        if marker is None and len(labels) > 1:
+            fault = f"it has several markers, name one: its markers are {validation.brief(labels)}"
+            raise FaultyFile(source, [fault])
+        try:
+            number = 0 if marker is None else find_label(marker, labels, "the file")
+        except InvalidInput as error:
+            raise FaultyFile(source, [str(error)]) from None
+        path = scale * data[number]
         seen = np.isfinite(path).all(axis=1)
         if not seen.any():
-            raise FaultyFile(source, [f"the marker {marker!r} is not seen in any frame"])
+            raise FaultyFile(source, [f"the marker {labels[number]!r} is not seen in any frame"])
         return cls((first_frame + np.flatnonzero(seen)) / rate, path[seen])
+
+
+def find_label(name: str, labels: Sequence[str], where: str) -> int:
+    """Return the number of a marker; `RASI` finds `Anna:RASI`, if no other subject has it.
+
+    Raises `InvalidInput` if there is no such marker, or several.
+    """
+    ends = [k for k, label in enumerate(labels) if label == name]
+    ends = ends or [k for k, label in enumerate(labels) if label.endswith(f":{name}")]
+    if len(ends) > 1:
+        found = ", ".join(labels[k] for k in ends)
+        raise InvalidInput(f"marker {name!r} is named {len(ends)} times in {where}: {found}")
+    if not ends:
+        raise InvalidInput(unknown("marker", name, where, labels))
+    return ends[0]
+
+
+def _missing(positions: Array) -> NDArray[np.bool_]:
+    """Return which positions, `(..., 3)`, stand for missing ones: 0, 0, 0, or -9999 thrice."""
+    number = positions[..., 0]
+    same = (positions == number[..., None]).all(axis=-1)
+    return np.asarray(same & ((number == 0.0) | (np.abs(number) >= LEAST_SENTINEL)))
+
+
+def _within_reach(times: Array, positions: Array, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which positions a ball could reach from those before and after that are measured."""
+    within, measured = np.ones(len(times), bool), np.flatnonzero(~missing)
+    for rows in (measured, measured[::-1]):
+        if not rows.size:
+            return ~missing
+        order = 1 if rows is measured else -1
+        places = np.searchsorted(measured, np.arange(len(times)), "right" if order > 0 else "left")
+        places = np.clip(places - (order > 0), 0, measured.size - 1)
+        others = measured[places]
+        distance = np.linalg.norm(positions - positions[others], axis=1)
+        within &= distance <= FASTEST_BALL * np.abs(times - times[others])
+    return within
 
 
 def c3d_content(file: str | PathLike[str]) -> tuple[list[str], float, float, int, Array]:
     """Return labels, unit [m], rate [Hz], first frame and positions `(markers, n, 3)` of a C3D.
 
-    Raises `FaultyFile`, or `InvalidInput` where ezc3d is not installed.
+    Positions of 0, 0, 0 are gaps, NaN. Raises `FaultyFile`, or `InvalidInput` where ezc3d is not
+    installed.
     """
     source = str(file)
     if find_spec("ezc3d") is None:
@@ -259,7 +327,14 @@ def c3d_content(file: str | PathLike[str]) -> tuple[list[str], float, float, int
             f"{', '.join(METRES)}, the rate above 0"
         )
         raise FaultyFile(source, [fault])
-    return labels, METRES[unit.lower()], rate, first_frame, data
+    if not labels:
+        raise FaultyFile(source, ["has no markers, but analog or rotation data only"])
+    return labels, METRES[unit.lower()], rate, first_frame, with_gaps(data)
+
+
+def with_gaps(positions: Array) -> Array:
+    """Return positions, `(..., 3)`, with NaN where a file has 0, 0, 0 or -9999, -9999, -9999."""
+    return np.where(_missing(positions)[..., None], np.nan, positions)
 
 
 def _c3d_content(
@@ -282,7 +357,6 @@ def _c3d_content(
         with np.load(io.BytesIO(child.stdout)) as content:
             labels, (unit,) = content["labels"].tolist(), content["unit"].tolist()
             rate, first_frame = float(content["rate"]), int(content["first"])
-            np.take(content["data"], len(labels) - 1, axis=0)  # raises: fewer points than labels
             return labels, unit, rate, first_frame, np.asarray(content["data"])
     except (subprocess.SubprocessError, OSError, ValueError, LookupError, BadZipFile):
         raise FaultyFile(source, ["is not a C3D file that ezc3d can read"]) from None
@@ -299,21 +373,31 @@ def _send_c3d() -> None:
 
     output = os.dup(1)
     os.dup2(2, 1)  # ezc3d may print
-    content = ezc3d.c3d(sys.argv[1])
-    if content["data"]["points"].shape[2] < _frames_of_header(sys.argv[1]):
+    content, file = ezc3d.c3d(sys.argv[1]), io.BytesIO()
+    _, markers, frames = content["data"]["points"].shape
+    if markers and frames < _frames_of_header(sys.argv[1]):
         sys.exit("the file ends early, which ezc3d hides")
-    points = content["parameters"]["POINT"]
-    file = io.BytesIO()
-    np.savez(
-        file,
-        labels=np.array([str(label).strip() for label in points["LABELS"]["value"]]),
-        unit=np.array([str(points["UNITS"]["value"][0]).strip()]),
-        rate=float(points["RATE"]["value"][0]),
-        first=int(content["header"]["points"]["first_frame"]),
-        data=np.asarray(content["data"]["points"][:3], dtype=float).transpose(1, 2, 0),
-    )
+    np.savez(file, **_arrays_of(content))
     with os.fdopen(output, "wb") as stream:
         stream.write(file.getvalue())
+
+
+def _arrays_of(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is read of a C3D file from the content that ezc3d gives.
+
+    The first labels are in use, one for each point; lists of more than 255 go on as LABELS2.
+    """
+    points, data = content["parameters"]["POINT"], content["data"]["points"]
+    lists = [points[key]["value"] for k in ("", *range(2, 100)) if (key := f"LABELS{k}") in points]
+    labels = [str(label).strip() for labels in lists for label in labels]
+    units = [str(unit).strip() for unit in points.get("UNITS", {"value": ()})["value"]]
+    return {
+        "labels": np.array(labels[: data.shape[1]], dtype=str),
+        "unit": np.array([*units, ""][:1]),
+        "rate": float(points["RATE"]["value"][0]),
+        "first": int(content["header"]["points"]["first_frame"]),
+        "data": np.asarray(data[:3], dtype=float).transpose(1, 2, 0),
+    }
 
 
 def _frames_of_header(file: str) -> int:
@@ -366,6 +450,22 @@ def refuse_units(track: Track, falling: float) -> None:
             f"the ball moves with {speed:.4g} m/s, faster than sound{likely}: positions must be in "
             "metres, times in seconds"
         )
+
+
+def mean_acceleration(track: Track) -> Array:
+    """Return the mean acceleration, from a parabola, shape `(3,)` [m/s2]."""
+    return np.asarray(2.0 * np.polyfit(track.times - track.times[0], track.positions, 2)[0])
+
+
+def doubts_of_track(track: Track, falling: float) -> tuple[str, ...]:
+    """Return the warnings of a track, and a line if it may be in yards.
+
+    `falling` is the acceleration of the ball downwards [m/s2].
+    """
+    if abs(falling / (GRAVITY * YARDS) - 1.0) > 0.02:
+        return track.warnings
+    line = f"the ball falls with {falling:.4g} per s2, as in yards: positions must be in metres"
+    return (*track.warnings, line)
 
 
 def check_samples(track: Track) -> None:

@@ -26,36 +26,46 @@ def trc(points, unit="mm", size=1000.0):
     return "\n".join(lines)
 
 
-@pytest.mark.parametrize(("unit", "size"), [("mm", 1000.0), ("cm", 100.0), ("m", 1.0)])
-def test_a_trc_file_in_metres_with_z_up(tmp_path, unit, size):
-    points, file = POINTS.copy(), tmp_path / "kick.trc"
+@pytest.mark.parametrize(("unit", "size", "between", "gap"), [
+    ("mm", 1000.0, "\t", ""), ("cm", 100.0, "\t\t", "0"), ("m", 1.0, " \t ", "-9999"),
+    ("inch", 1 / 0.0254, " ", "nan")])  # fmt: skip
+def test_a_trc_file_in_metres_with_z_up(tmp_path, unit, size, between, gap):
+    """Its values stand between any blanks; missing markers are empty, nan or one number thrice."""
+    points, file = POINTS + 0.1, tmp_path / "kick.trc"
     points[2, 1] = np.nan
-    file.write_text(trc(points, unit, size))
+    lines = trc(points, unit, size).split("\n")
+    lines[2] = lines[2].replace("\t", between)
+    lines[8] = lines[8].removesuffix("\t\t\t") + 3 * f"\t{gap}"
+    file.write_text("\n".join(lines))
     track = kd.BodyTrack.from_trc(file)
     assert (track.markers, track.gaps) == (("a", "b"), {"b": (2,)})
     assert track.times == pytest.approx([0, 0.01, 0.02, 0.03])
     assert track.positions == pytest.approx(points, nan_ok=True)
 
 
-def test_a_mot_file_in_radians(tmp_path):
+@pytest.mark.parametrize(("header", "unit"), [
+    ("inDegrees=yes", 180 / np.pi), ("inDegrees = yes\t\t", 180 / np.pi), ("inDegrees=no", 1.0),
+    ("# SIMM Motion File Header:\nname kick", 180 / np.pi), ("version=1", 1.0),
+    ("Angles are in degrees.", 180 / np.pi),
+    ("Units are S.I. (angles in degrees with inDegrees=yes)\ninDegrees=no", 1.0)])  # fmt: skip
+def test_a_mot_file_in_radians(tmp_path, header, unit):
+    """Columns that share a name are left out, translations keep their unit."""
     file = tmp_path / "kick.mot"
     file.write_text(
-        "Coordinates\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\nendheader\n"
-        "time\tknee_angle_r\tpelvis_tx\n0.0\t90\t0.5\n0.01\t-45\t0.6\n"
+        f"Coordinates\nnRows=2\nnColumns=5\n{header}\nendheader\t\n"
+        "time\tknee_angle_r\tpelvis_tx\ta\ta\n0.0\t90\t0.5\t1\t2\n0.01\t-45\t0.6\t1\t2\n"
     )
     track = kd.BodyTrack.from_mot(file)
-    assert track.times == pytest.approx([0, 0.01])
-    assert track.angles["knee_angle_r"] == pytest.approx([np.pi / 2, -np.pi / 4])
+    assert (track.times.tolist(), set(track.angles)) == ([0, 0.01], {"knee_angle_r", "pelvis_tx"})
+    assert track.angles["knee_angle_r"] * unit == pytest.approx([90, -45])
     assert track.angles["pelvis_tx"] == pytest.approx([0.5, 0.6])
-    file.write_text(file.read_text().replace("=yes", "=no"))
-    assert kd.BodyTrack.from_mot(file).angles["knee_angle_r"] == pytest.approx([90, -45])
 
 
 @pytest.mark.parametrize(("ending", "text", "message"), [
-    ("trc", "no", "not a TRC file"), ("trc", trc(POINTS, "inch"), r"'inch'.*mm, cm, m"),
+    ("trc", "no", "not a TRC file"), ("trc", trc(POINTS, "ell"), r"'ell'.*mm, cm, m"),
     ("trc", trc(POINTS).replace("0.01", "0.00"), "times must increase"),
     ("trc", trc(POINTS).replace("100.0", "x"), "line 7"), ("mot", "time a\n", "not a MOT file"),
-    ("mot", "endheader\ntime a a\n0 1 2\n", "line 2 .*different columns"),
+    ("mot", "endheader\na time\n0 1\n", "line 2 .*time first"),
     ("mot", "endheader\ntime a\n", "no row"), ("mot", "endheader\ntime a\n0 1\n0 2\n", "line 4")
 ], ids=range(8))  # fmt: skip
 def test_a_faulty_file_is_refused(tmp_path, ending, text, message):
@@ -70,6 +80,10 @@ def test_markers_are_found_by_name_without_the_prefix_of_a_subject_and_gaps_are_
     points[2, 1, 0] = np.nan
     track = kd.BodyTrack([0, 0.1, 0.2, 0.3], ["Ann:a", "b", "Bob:b"], points)
     assert track.find_marker("a") == track.find_marker("Ann:a") == 0
+    twice = kd.BodyTrack([0, 0.1, 0.2, 0.3], ["Ann:a", "b", "b"], points)
+    assert twice.find_marker("a") == 0
+    with pytest.raises(kd.InvalidInput, match="'b' is named 2 times"):
+        twice.find_marker("b")
     assert track.marker_track("b") == kd.Track([0, 0.1, 0.3], POINTS[[0, 1, 3], 1])
     with pytest.raises(kd.InvalidInput, match=r"'c'.*Bob:b"):
         track.marker_track("c")

@@ -12,7 +12,14 @@ from tolerances import closed_form
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.errors import FaultyFile
-from kickdyn.identification.track import _frames_of_header, _send_c3d, check_samples, refuse_units
+from kickdyn.identification.track import (
+    _arrays_of,
+    _frames_of_header,
+    _send_c3d,
+    check_samples,
+    doubts_of_track,
+    refuse_units,
+)
 
 C3D = Path(__file__).resolve().parents[2] / "data" / "kick_instep.c3d"
 
@@ -40,6 +47,21 @@ def test_a_csv_file_with_gaps_other_names_and_a_long_cell(tmp_path):
     assert csv.field_size_limit() == limit
 
 
+@pytest.mark.parametrize(("number", "start", "gaps"), [
+    (0, 0.0, ()), (0, 50.0, (0, 3, 8, 9, 11)), (-9999, 0.0, (0, 3, 8, 9, 11))])  # fmt: skip
+def test_rows_of_one_number_where_no_ball_could_be_are_gaps(tmp_path, number, start, gaps):
+    """A ball that moves slowly near the origin may be there."""
+    file = tmp_path / "track.csv"
+    rows = [[k / 10, start + k / 5, k / 8, 1 + k / 8] for k in range(12)]
+    for k in (0, 3, 8, 9, 11):
+        rows[k][1:] = [number] * 3
+    file.write_text("t,x,y,z\n" + "\n".join(",".join(map(repr, row)) for row in rows))
+    track = kd.Track.from_csv(file)
+    seen = [row for k, row in enumerate(rows) if k not in gaps]
+    assert np.column_stack([track.times, track.positions]).tolist() == seen
+    assert [f"5 rows of {number}" in line for line in track.warnings] == [True] * bool(gaps)
+
+
 @pytest.mark.parametrize(("text", "message"), [
     ("t,x,y\n0,1,2\n", r"\['t', 'x', 'y'\].*'z'"), ("t,x,y,z\n", "no row of numbers"),
     ("t,x,y,z\n0,1,2,three\n", "row 2"), ("t,x,y,z\n0,1,2,inf\n", "row 2"),
@@ -53,11 +75,13 @@ def test_a_faulty_csv_file_is_refused(tmp_path, text, message):
         kd.Track.from_csv(file)
 
 
-@pytest.mark.parametrize("share", [0.5, 0.95, 1.05, 1.9])
+@pytest.mark.parametrize("share", [0.5, 0.95, 1.0, 1.05, 1.9])
 def test_a_ball_that_falls_as_in_another_unit_is_refused(share):
     """Drag and lift halve or double gravity; in feet, lift alone can make a ball fall as fast."""
     t = np.arange(50) / 50
     path = np.column_stack([10 * t, 0 * t, 5 * t - share * GRAVITY * t**2 / 2])
+    in_yards = doubts_of_track(kd.Track(t, path), GRAVITY * share / 0.9144)
+    assert any("yards" in line for line in in_yards) == (abs(share - 1.0) < 0.02)
     units = {"millimetres": 1e3, "centimetres": 1e2, "inches": 1 / 0.0254, "feet": 1 / 0.3048}
     for unit, size in units.items():
         if unit != "feet" or abs(share - 1.0) < 0.1:
@@ -101,6 +125,23 @@ def test_the_frames_of_a_header_are_in_the_order_of_its_processor(tmp_path, orde
     header = struct.pack(f"{order}BBHHHH", 3, 0x50, 9, 0, 259, 1024).ljust(1024, b"\0")
     file.write_bytes(header + bytes([1, 80, 2, processor]))
     assert _frames_of_header(str(file)) == 1024 - 259 + 1
+
+
+@pytest.mark.parametrize(("lists", "labels"), [
+    ([["a", "b ", "c", "d"]], ["a", "b", "c"]), ([["a", "b"]], ["a", "b"]),
+    ([["a", "b"], ["c"]], ["a", "b", "c"]), ([["a"], ["b"], ["c", "d"]], ["a", "b", "c"])],
+    ids=["more", "fewer", "two lists", "three lists"])  # fmt: skip
+def test_the_first_labels_of_a_c3d_file_name_its_points(lists, labels):
+    lists = {f"LABELS{k + 1 if k else ''}": {"value": names} for k, names in enumerate(lists)}
+    content = {
+        "parameters": {"POINT": {"RATE": {"value": [500.0]}, **lists}},
+        "header": {"points": {"first_frame": 4}},
+        "data": {"points": np.arange(24.0).reshape(4, 3, 2)},
+    }
+    read = _arrays_of(content)
+    assert read["labels"].tolist() == labels
+    assert read["data"][1].tolist() == [[2, 8, 14], [3, 9, 15]]  # frames of the second point
+    assert (read["unit"].tolist(), read["rate"], read["first"]) == ([""], 500.0, 4)
 
 
 @pytest.mark.parametrize("damage", ["half", "garbage", "missing"])

@@ -205,7 +205,7 @@ class _Balls:
         margin = 0.1 * tol ** (1.0 / 3.0)
         scales = (tol * np.maximum(size, 1e-300) for size in (rolling.length, rolling.speed))
         columns = [*scales, *(np.full(n, x) for x in (tol, math.inf, margin))]
-        zeros, ahead = np.zeros((n, 4)), begin.velocity.copy()
+        zeros, ahead = np.zeros((n, 4)), begin.velocity * [1.0, 1.0, 0.0]
         ahead[:, :2] = turned_rows(ahead[:, :2], cosine, -sine)
         rolled = Flights(
             np.column_stack([begin.position[:, 2], zeros]), ahead,
@@ -232,7 +232,7 @@ class _Balls:
     def _stop(self, rows: NDArray[np.intp], rolled: "Flights", wind: Array) -> None:
         """Put in where balls that have become slow rest, and where others end."""
         nodes, status = rolled.nodes, rolled.status
-        velocity, slow = nodes[:, 4:7] * [1.0, 1.0, 0.0], status == LANDED
+        velocity, slow = nodes[:, 4:7], status == LANDED
         remaining = time_to_rest(velocity[:, :2], wind, self.surface.rolling_deceleration)
         blown = (slow & (remaining == math.inf)) | (status == ALOFT)
         flags = np.where(
@@ -241,7 +241,7 @@ class _Balls:
         self.status[rows] = np.where(blown, BLOWN, flags)
         rests = slow & ~blown
         late = np.where(rests, remaining, 0.0)
-        self.position[rows] += nodes[:, 1:4] * [1.0, 1.0, 0.0] + 0.5 * late[:, None] * velocity
+        self.position[rows] += nodes[:, 1:4] + 0.5 * late[:, None] * velocity
         self.velocity[rows] = np.where(rests[:, None], 0.0, velocity)
         u, v = self.velocity[rows, 0], self.velocity[rows, 1]
         self.spin[rows] = np.column_stack([-v, u, np.zeros(len(rows))]) / self.ball.radius

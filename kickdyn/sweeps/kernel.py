@@ -163,9 +163,7 @@ class Kernel:
         joints = [1 + leg.joint_names.index(name) for name in grid.axes]
         axes = np.zeros(len(joints), AXIS)
         axes["joint"], axes["steps"] = joints, [len(values) for values in grid.axes.values()]
-        axes["repeats"] = 1  # of a list, all values change from posture to posture
-        if not grid.is_list:
-            axes["repeats"] = np.append(np.cumprod(grid.shape[:0:-1])[::-1], 1)
+        axes["repeats"] = np.append(np.cumprod(grid.shape[:0:-1])[::-1], 1)  # 1 of a list
         tables = [self._motion(k, q) for k, q in zip(joints, grid.axes.values(), strict=True)]
         for a in np.flatnonzero(axes["repeats"] < BATCH):  # one row per posture, as far as needed
             table = np.repeat(tables[a], axes["repeats"][a], axis=0)

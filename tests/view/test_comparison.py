@@ -1,5 +1,7 @@
 """Several flights in one picture: curves where the balls fly, a legend with their numbers."""
 
+import re
+
 import numpy as np
 import pytest
 from drawn_scene import SINGLE, DrawnScene
@@ -42,6 +44,14 @@ def test_every_flight_is_a_curve_along_its_path():
     (kd.fly(kd.BallState(), BALL), "0 m")], ids=["vacuum", "course", "rest"])  # fmt: skip
 def test_the_legend_has_how_far_how_high_and_how_long(path, numbers):
     assert f"<td>{numbers}" in kd.page(path).panel
+
+
+def test_distances_lead_from_the_launch_to_the_farthest_end():
+    """Wherever the launch is."""
+    far, near = (kd.fly(kd.BallState((70, -50, 1), (v, 0, 9)), BALL) for v in (12.0, 7.0))
+    labels = DrawnScene(kd.page({"near": near, "far": far})).labels
+    shown = np.array(re.findall(r'distances/\d+">([\d.]+) m<', labels), dtype=float)
+    assert 0.0 <= far.range - shown.max() < np.diff(np.sort(shown)).min()
 
 
 def test_measured_positions_are_dots_along_the_whole_flight():

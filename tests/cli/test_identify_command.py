@@ -83,6 +83,7 @@ def test_the_segments_are_those_of_the_library(kickdyn, written, tmp_path):
     split = kd.segments(kd.Track.from_csv(file), BALL)
     lines = [line.split() for line in text.splitlines()
              if re.match(r"(flight|rolling|rest|other) +\d", line)]  # fmt: skip
+    assert document["warnings"] == list(split.warnings) != []
     for words, segment, entry in zip(lines, split.parts, document["segments"], strict=True):
         assert words[0] == entry["kind"] == segment.kind
         assert words[3] == entry["begins"] == segment.begins

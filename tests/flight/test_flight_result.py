@@ -9,7 +9,7 @@ import pytest
 from flight_methods import LANDINGS, kicks
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from tolerances import agrees, closed_form, integrated
+from tolerances import EPSILON, agrees, closed_form, integrated
 
 import kickdyn as kd
 from kickdyn.flight.flight_result import outside_ranges
@@ -82,6 +82,15 @@ def test_the_error_is_within_ten_times_the_truth_in_the_median(tol):
     ):
         true = np.linalg.norm(ends[:, :2] - LANDINGS["full"], axis=1)
         assert 1.0 < np.median(np.array(errors) / true) < 10.0
+
+
+def test_the_error_counts_the_rounding_of_a_far_launch():
+    """One along an axis, whose other coordinates are 0."""
+    far = [(1e9, 0, 0), (0, 1e9, 0)]
+    errors = kd.fly_many(kd.BallState(far, (1, 2, 3)), BALL, kd.Air(), error=True).error
+    for position, many in zip(far, errors.values, strict=True):
+        error = kd.fly(kd.BallState(position, (1, 2, 3)), BALL, kd.Air()).error
+        assert min(error, many) > EPSILON * 1e9
 
 
 @pytest.mark.parametrize("seed", range(24))

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from tolerances import closed_form, optimized, sampled
 
 import kickdyn as kd
+from kickdyn.identification.contact_moment import ball_side
 from kickdyn.identification.infer_impact import COVERED, LARGEST_FRICTION
 from kickdyn.identification.leg_motion import LegMotion
 
@@ -161,7 +162,8 @@ def test_without_spin_the_deviations_cover_what_friction_may_have_done(law):
         path = posture.contact_point + BALL.radius * normal
         path = path + np.outer(np.maximum(times, 0.0), hit.ball_after.velocity)
         path += 1e-5 * rng.normal(size=path.shape)
-        result = kd.infer_impact(motion, kd.Track(times, path), BALL, contact=0.0)
+        track = kd.Track(times, path)
+        result = kd.infer_impact(motion, track, BALL, contact=0.0)
         after = kd.BallState(hit.ball_after.position, hit.ball_after.velocity)
         plain = kd.infer_impact(posture, v, BALL, hit.ball_before, after)
         assert result.joint_impulses == pytest.approx(hit.joint_impulses, abs=0.01)
@@ -178,6 +180,13 @@ def test_without_spin_the_deviations_cover_what_friction_may_have_done(law):
             deviation = result.friction / COVERED
             assert result.deviations["friction"] == pytest.approx(deviation, rel=1e-2)
     assert stuck > 1
+    # a ball that is seen far worse than the leg: its deviations are those of the impulse
+    track = kd.Track(times, path + 2e-3 * rng.normal(size=path.shape))
+    sides = ball_side(track, "before", -0.1, 0, 0), ball_side(track, "after", 0.015, 0.115, 0)
+    spread = [float(side.velocity_deviation.mean()) for side in sides]
+    plain = kd.infer_impact(posture, v, BALL, hit.ball_before, after, velocity_deviation=spread)
+    seen = kd.infer_impact(motion, track, BALL, contact=0.0).joint_deviations
+    assert seen == pytest.approx(plain.joint_deviations, rel=0.3)
     assert np.abs(np.mean(errors)) < 0.5 * np.abs(np.mean(along_impulse))
 
 

@@ -57,6 +57,13 @@ def test_the_curve_minimises_its_functional(monkeypatch, growth, exponent):
         assert v[j] == pytest.approx(velocity, abs=0.1 * deviation)
 
 
+def test_a_density_of_which_the_measurement_says_nothing_is_the_median():
+    rows, penalty = np.random.default_rng(1).normal(size=(20, 8)), np.linspace(1.0, 2.0, 8)
+    penalty[: smoothing_spline.FREE] = 0.0
+    found = smoothing_spline._likely_density(rows, penalty, rows[:, 0], np.full(20, 1e40), 7.3)
+    assert np.log10(found) == pytest.approx(7.3, abs=1e-3)
+
+
 def test_deviations_cover_curves_of_the_prior():
     """Curves whose jerk is an Ornstein-Uhlenbeck process, with densities of the prior."""
     rng, scores, fine = np.random.default_rng(7), [], 5e-4

@@ -59,6 +59,13 @@ def test_the_launch_with_contact_time_is_within_its_error(parts):
     assert max(shares) > 0.2
 
 
+def test_the_error_of_a_contact_time_is_unknown_with_constraints_or_soft_drives():
+    (scene, hit), drive = struck(3, 1, contact_time=0.01)[0], kd.Drive(0.01, 1.0, stiffness=30.0)
+    for leg in (scene.leg.with_stiff_joints("ankle"), scene.leg.with_drives({"ankle": drive})):
+        held = replace(scene, posture=leg.posture(scene.q))
+        assert module.contact_time_error(held, hit) == module.UNKNOWN
+
+
 def test_the_error_of_collide_is_within_its_bound():
     for scene, _ in struck(4, 4, contact_time=0.01):
         exact, rough = (module.collide_scene(scene, tol).ball_after for tol in (1e-8, 1e-4))

@@ -200,7 +200,7 @@ def test_corrections_learn_how_the_ball_answers(plan, monkeypatch):
     monkeypatch.setattr(refinement, "replan_motion", replan)
     monkeypatch.setattr(refinement, "_observe", observed)
     monkeypatch.setattr(refinement, "_wished_velocity", lambda plan, ball: wished)
-    with pytest.raises(kd.InvalidInput, match="has no motion: .*motion=True"):
+    with pytest.raises(kd.InvalidInput, match=r"has no motion: .*motion=True"):
         kd.refine_kick(replace(plan, motion=None))
     for rounds in (1, 2, 6):
         corrected = kd.refine_kick(plan, rounds=rounds).impact.ball_after.velocity

@@ -21,10 +21,8 @@ EXPLANATION = ROOT / "docs" / "explanation"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("script", "page"),
-    [("inflated_ball.py", "inflated-ball.md"), ("compliance.py", "compliance.md")],
-)
+@pytest.mark.parametrize(("script", "page"), [
+    ("inflated_ball.py", "inflated-ball.md"), ("compliance.py", "compliance.md")])  # fmt: skip
 def test_the_table_of_a_page_is_printed(script, page, monkeypatch):
     monkeypatch.setattr("sys.argv", [script])
     with contextlib.redirect_stdout(io.StringIO()) as printed:

@@ -35,11 +35,9 @@ def contact(restitution, friction=0.4):
     return kd.Contact(ATTACK, restitution, friction)
 
 
-@pytest.mark.parametrize(
-    ("speed", "e", "slope"),
-    [(0.0, 0.8, 0.0), (5.0, 0.8, -0.02), (7.5, 0.75, -0.02), (10.0, 0.7, -0.005),
-     (16.0, 0.67, -0.005), (20.0, 0.65, 0.0), (99.0, 0.65, 0.0)],
-)  # fmt: skip
+@pytest.mark.parametrize(("speed", "e", "slope"), [
+    (0.0, 0.8, 0.0), (5.0, 0.8, -0.02), (7.5, 0.75, -0.02), (10.0, 0.7, -0.005),
+    (16.0, 0.67, -0.005), (20.0, 0.65, 0.0), (99.0, 0.65, 0.0)])  # fmt: skip
 def test_a_table_is_linear_between_its_rows_and_constant_beyond(speed, e, slope):
     table = contact(TABLE)
     assert table.restitution_at(speed) == pytest.approx(e, rel=closed_form())
@@ -47,21 +45,13 @@ def test_a_table_is_linear_between_its_rows_and_constant_beyond(speed, e, slope)
     assert (contact(0.7).restitution_at(speed), restitution_slope(0.7, speed)) == (0.7, 0.0)
 
 
-@pytest.mark.parametrize(
-    ("value", "words"),
-    [
-        *[(value, "shape") for value in ([], [[5, 0.8, 1]], [5, 0.8])],
-        ([[5, 0.8], [5, 0.7]], "increase"),
-        ([[9, 0.8], [5, 0.7]], "increase"),
-        ([[-1, 0.8], [5, 0.7]], "speed is -1"),
-        ([[1, 0.8], [5, 1.1]], "at 5 m/s is 1.1: .* at most 1"),
-        ([[1, math.nan]], "finite"),
-        ([[1, 0.5], [2]], "numbers"),
-        ({1: 2}, "numbers"),
-        (SimpleNamespace(table=[[1, 0.5]]), "SimpleNamespace: .*`table`"),
-        ("leather", "'leather': .*peacock-ball"),
-    ],
-)
+@pytest.mark.parametrize(("value", "words"), [
+    *[(value, "shape") for value in ([], [[5, 0.8, 1]], [5, 0.8])],
+    ([[5, 0.8], [5, 0.7]], "increase"), ([[9, 0.8], [5, 0.7]], "increase"),
+    ([[-1, 0.8], [5, 0.7]], "speed is -1"), ([[1, 0.8], [5, 1.1]], "at 5 m/s is 1.1: .* at most 1"),
+    ([[1, math.nan]], "finite"), ([[1, 0.5], [2]], "numbers"), ({1: 2}, "numbers"),
+    (SimpleNamespace(table=[[1, 0.5]]), "SimpleNamespace: .*`table`"),
+    ("leather", "'leather': .*peacock-ball")])  # fmt: skip
 def test_bad_input(value, words):
     with pytest.raises(kd.InvalidInput, match=f"restitution.*{words}"):
         contact(value)
@@ -73,11 +63,9 @@ def test_a_bad_speed_is_refused(speed):
         contact(TABLE).restitution_at(speed)
 
 
-@pytest.mark.parametrize(
-    ("restitution", "speed", "warned"),
-    [(TABLE, 4.99, 1), (TABLE, 5.0 * (1 - 1e-12), 0), (TABLE, 12.0, 0), (TABLE, 20.01, 1),
-     ("peacock-ball", 5.0, 1), ("peacock-ball", 9.2, 0), (0.7, 50.0, 0), ([[10, 0.7]], 50.0, 0)],
-)  # fmt: skip
+@pytest.mark.parametrize(("restitution", "speed", "warned"), [
+    (TABLE, 4.99, 1), (TABLE, 5.0 * (1 - 1e-12), 0), (TABLE, 12.0, 0), (TABLE, 20.01, 1),
+    ("peacock-ball", 5.0, 1), ("peacock-ball", 9.2, 0), (0.7, 50.0, 0), ([[10, 0.7]], 50.0, 0)])  # fmt: skip
 def test_a_speed_outside_the_rows_of_a_table_is_warned_of(restitution, speed, warned):
     table = contact(restitution).restitution
     lines = range_warnings(table, speed)
@@ -87,10 +75,8 @@ def test_a_speed_outside_the_rows_of_a_table_is_warned_of(restitution, speed, wa
         assert f"{restitution_at(table, speed):.4g}" in line
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [("0.7", 0.7), ("peacock-ball", "peacock-ball"), ("5:0.8,20:0.65", ((5, 0.8), (20, 0.65)))],
-)
+@pytest.mark.parametrize(("text", "value"), [
+    ("0.7", 0.7), ("peacock-ball", "peacock-ball"), ("5:0.8,20:0.65", ((5, 0.8), (20, 0.65)))])  # fmt: skip
 def test_a_text_becomes_a_restitution(text, value):
     assert read_restitution(text) == value
 
@@ -192,10 +178,8 @@ def test_derivatives_of_an_inflated_ball_count_mass_and_radius(friction, name, a
     agrees(slope, (above - below) / (2 * step), differenced())
 
 
-@pytest.mark.parametrize(
-    ("ball", "words"),
-    [(kd.Ball(), "pressure is None"), (kd.Ball(math.inf, pressure=80e3), "mass is inf")],
-)
+@pytest.mark.parametrize(("ball", "words"), [
+    (kd.Ball(), "pressure is None"), (kd.Ball(math.inf, pressure=80e3), "mass is inf")])  # fmt: skip
 def test_an_inflated_ball_needs_a_pressure_and_a_mass(ball, words):
     v, inflated = POSTURE.joint_velocity(5 * ATTACK), contact("inflated")
     for call in (

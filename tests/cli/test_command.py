@@ -47,8 +47,7 @@ def ends(command, capsys):
     (click.UsageError("no " + "x" * 999), 2, [f"no {'x' * 100}...{'x' * 100}"]),
     (kd.KickdynError("no\x1b answer"), 1, ["no\\x1b answer"]),
     (FileNotFoundError(2, "No such file", "robot.stl"), 1, ["robot.stl: No such file"]),
-    (OSError("the port is taken"), 1, ["the port is taken"]),
-], ids=repr)  # fmt: skip
+    (OSError("the port is taken"), 1, ["the port is taken"])], ids=repr)  # fmt: skip
 def test_bad_input_ends_with_2_and_any_other_error_with_1(error, code, lines, monkeypatch, capsys):
     @click.command("kick")
     def kick():

@@ -69,10 +69,8 @@ def keys(value):
 @pytest.mark.parametrize("line", [
     "posture-sweep --joint hip=0:10:5", "reach --elevation 20 --tolerance 0.3",
     "paper --only 'table 2'", "tradeoff --scene paper_kick", "simulate free_kick --exact",
-    "view slow.toml",
-    pytest.param("identify match.csv", marks=pytest.mark.slow),
-    pytest.param("tune-mujoco robot_chip --timestep 0.005", marks=pytest.mark.slow),
-])  # fmt: skip
+    "view slow.toml", pytest.param("identify match.csv", marks=pytest.mark.slow),
+    pytest.param("tune-mujoco robot_chip --timestep 0.005", marks=pytest.mark.slow)])  # fmt: skip
 def test_the_page_has_the_keys_of_a_document(line, kickdyn, written, match_ball):
     match_ball(2605, 2760)
     scene = (ROOT / "scenes" / "free_kick.toml").read_text("utf-8")

@@ -98,8 +98,7 @@ def test_where_admm_converges_they_agree():
 @pytest.mark.parametrize(("free", "solution", "others"), [
     ((0, 0, -1), (0, 0, 1), [(0, 0, 1.1), (0, 0, 0.9), (0.3, 0, 1), (0, 0, -1)]),
     ((1, 0, -1), (-0.5, 0, 1), [(0.5, 0, 1), (0, 0, 1), (-0.4, 0.3, 1), (-0.6, 0, 1)]),
-    ((0, 0, 1), (0, 0, 0), [(0, 0, 0.1)]),
-])  # fmt: skip
+    ((0, 0, 1), (0, 0, 0), [(0, 0, 0.1)])])  # fmt: skip
 def test_the_residual_is_0_at_the_solution_alone(free, solution, others):
     """A unit mass with friction 1/2 that is stopped, slides, or recedes."""
     problem = np.eye(3), np.array(free, float), np.array([0.5])

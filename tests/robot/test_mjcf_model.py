@@ -247,8 +247,7 @@ def test_connected_bodies_are_a_loop(looped_mjcf):
 
 @pytest.mark.parametrize(("equality", "said"), [
     ('<connect name="bar" body1="a" anchor="0 0 -1"/>', r"'bar' \(connect\)"),
-    ('<joint joint1="ja"/>', r"\(joint\) .*lock"),
-    ('<weld body1="a" body2="c"/>', r"\(weld\)"),
+    ('<joint joint1="ja"/>', r"\(joint\) .*lock"), ('<weld body1="a" body2="c"/>', r"\(weld\)"),
     ('<connect body1="a" body2="c" anchor="0 0 -1" active="false"/>', None)])  # fmt: skip
 def test_other_constraints_are_refused_unless_they_are_idle(looped_mjcf, equality, said):
     start, _, end = looped_mjcf.read_text().partition("<equality>")

@@ -59,8 +59,7 @@ def test_meshes_beside_the_folder_of_a_robot_without_a_package(tmp_path):
 
 @pytest.mark.parametrize("name", [
     "../../../secret.stl", "package://robot_description/../../secret.stl", "{top}/secret.stl",
-    "link.stl",
-])  # fmt: skip
+    "link.stl"])  # fmt: skip
 @pytest.mark.parametrize("is_named", [False, True])
 def test_files_outside_are_refused(robot, tmp_path, name, is_named):
     """Also if the package itself is named in package_dirs."""
@@ -76,8 +75,7 @@ def test_files_outside_are_refused(robot, tmp_path, name, is_named):
     *((f"{scheme}://a.stl", "no addresses") for scheme in ("http", "ftp", "javascript", "")),
     ("file://meshes/a.stl", "no addresses"),
     ("package://hand/hand.stl", "'hand' is unknown; .*--package-dir.*ROS_PACKAGE_PATH"),
-    (f"package://{'x' * 5000}/a.stl", "is unknown|cannot be found"),
-    ("a\0b.stl", "cannot be found"),
+    (f"package://{'x' * 5000}/a.stl", "is unknown|cannot be found"), ("a\0b.stl", "cannot be found")
 ])  # fmt: skip
 def test_names_of_no_file_are_refused(robot, name, said):
     with pytest.raises(kd.InvalidInput, match=said):

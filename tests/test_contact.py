@@ -18,7 +18,8 @@ GOOD = {"normal": (1, 0, 0), "restitution": 0.8, "friction": 0.4}
     *[("restitution", e, "at least 0 and at most 1") for e in (1.2, -0.1, math.nan, "0.5")],
     *[("restitution", e, "at least 0") for e in (True, None, math.inf, [0.5])],
     ("offset", (0, 0), "shape"), ("offset", (0, math.inf, 0), "finite"),
-    *[("friction", mu, "at least 0") for mu in (-1e-9, math.nan, math.inf, "0.4", True)]])  # fmt: skip
+    *[("friction", mu, "at least 0") for mu in (-1e-9, math.nan, math.inf, "0.4", True)]
+])  # fmt: skip
 def test_bad_input(name, value, word):
     with pytest.raises(kd.InvalidInput, match=f"{name} .*{word}"):
         kd.Contact(**(GOOD | {name: value}))

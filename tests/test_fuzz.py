@@ -39,7 +39,8 @@ def test_broken_input_ends_no_process(seed, monkeypatch):
 
 @pytest.mark.parametrize("kind", [
     "csv", "mesh", "trc", "mot",
-    *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("c3d", "netcdf", "zarr", "reach"))])  # fmt: skip
+    *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("c3d", "netcdf", "zarr", "reach"))
+])  # fmt: skip
 def test_good_files_are_read(kind, tmp_path):
     for text in fuzz.seeds(kind)[:2]:
         assert fuzz.run(kind, text, tmp_path)

@@ -58,7 +58,8 @@ def test_surfaces_are_found_by_name_and_have_a_source():
     (lambda: Surface("bad", 0.5, 0.5, 1, 2), "tangential restitution is 2"),
     (lambda: Surface("bad", 0.5, 0.5, 1, -1.1), r"tangential restitution is -1\.1"),
     (lambda: Surface("bad", 0.6, 0.5, 0.7, deviations={"bounce": 0.1}), "'bounce'.*friction"),
-    (lambda: Surface("bad", 0.6, 0.5, 0.7, deviations={"friction": -1}), "friction is -1")])  # fmt: skip
+    (lambda: Surface("bad", 0.6, 0.5, 0.7, deviations={"friction": -1}), "friction is -1")
+])  # fmt: skip
 def test_refusals(make, words):
     with pytest.raises(kd.InvalidInput, match=words):
         make()

@@ -65,7 +65,8 @@ def test_a_bad_speed_is_refused(speed):
 
 @pytest.mark.parametrize(("restitution", "speed", "warned"), [
     (TABLE, 4.99, 1), (TABLE, 5.0 * (1 - 1e-12), 0), (TABLE, 12.0, 0), (TABLE, 20.01, 1),
-    ("peacock-ball", 5.0, 1), ("peacock-ball", 9.2, 0), (0.7, 50.0, 0), ([[10, 0.7]], 50.0, 0)])  # fmt: skip
+    ("peacock-ball", 5.0, 1), ("peacock-ball", 9.2, 0), (0.7, 50.0, 0), ([[10, 0.7]], 50.0, 0)
+])  # fmt: skip
 def test_a_speed_outside_the_rows_of_a_table_is_warned_of(restitution, speed, warned):
     table = contact(restitution).restitution
     lines = range_warnings(table, speed)
@@ -76,7 +77,8 @@ def test_a_speed_outside_the_rows_of_a_table_is_warned_of(restitution, speed, wa
 
 
 @pytest.mark.parametrize(("text", "value"), [
-    ("0.7", 0.7), ("peacock-ball", "peacock-ball"), ("5:0.8,20:0.65", ((5, 0.8), (20, 0.65)))])  # fmt: skip
+    ("0.7", 0.7), ("peacock-ball", "peacock-ball"), ("5:0.8,20:0.65", ((5, 0.8), (20, 0.65)))
+])  # fmt: skip
 def test_a_text_becomes_a_restitution(text, value):
     assert read_restitution(text) == value
 
@@ -179,7 +181,8 @@ def test_derivatives_of_an_inflated_ball_count_mass_and_radius(friction, name, a
 
 
 @pytest.mark.parametrize(("ball", "words"), [
-    (kd.Ball(), "pressure is None"), (kd.Ball(math.inf, pressure=80e3), "mass is inf")])  # fmt: skip
+    (kd.Ball(), "pressure is None"), (kd.Ball(math.inf, pressure=80e3), "mass is inf")
+])  # fmt: skip
 def test_an_inflated_ball_needs_a_pressure_and_a_mass(ball, words):
     v, inflated = POSTURE.joint_velocity(5 * ATTACK), contact("inflated")
     for call in (

@@ -37,7 +37,8 @@ KNEE = {"right_knee_joint": math.radians(40)}
 
 @pytest.mark.parametrize(("locks", "values"), [
     ("hip=30 ankle=0.1", {"hip": math.radians(30), "ankle": 0.1}),
-    ("[ah]*=0.1", {"hip": math.radians(0.1), "ankle": 0.1}), ("right_knee_joint=40", None)])  # fmt: skip
+    ("[ah]*=0.1", {"hip": math.radians(0.1), "ankle": 0.1}), ("right_knee_joint=40", None)
+])  # fmt: skip
 def test_joints_are_locked_in_degrees_or_metres(locks, values, tmp_path):
     """The ankle is prismatic; the knee is that of a robot by name."""
     file, text = tmp_path / "slide.urdf", kd.Leg.human().file.text

@@ -146,7 +146,8 @@ def test_warnings_are_in_text_page_and_json(kickdyn, tmp_path):
 
 @pytest.mark.parametrize(("line", "limit", "nearest"), [
     ("--distance 20 --launch-speed 5", "least-speed", lambda reached: reached["speed"] > 5),
-    ("--distance 20 --time 60 --pass turf", "rolling", lambda reached: 0 < reached["time"] < 60)])  # fmt: skip
+    ("--distance 20 --time 60 --pass turf", "rolling", lambda reached: 0 < reached["time"] < 60)
+])  # fmt: skip
 def test_an_unreachable_goal_ends_with_2_and_the_nearest_one(line, limit, nearest, kickdyn):
     document = kickdyn(f"plan {line} --json -", code=2).json
     assert (document["status"], document["limit"]) == ("unreachable", limit)

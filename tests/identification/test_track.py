@@ -66,7 +66,8 @@ def test_rows_of_one_number_where_no_ball_could_be_are_gaps(tmp_path, number, st
     ("t,x,y\n0,1,2\n", r"\['t', 'x', 'y'\].*'z'"), ("t,x,y,z\n", "no row of numbers"),
     ("t,x,y,z\n0,1,2,three\n", "row 2"), ("t,x,y,z\n0,1,2,inf\n", "row 2"),
     ("t;x;y;z\n0;1;2;3\n", "commas"), ("t,x,y,x,z\n0,1,2,1,3\n", "once"),
-    ("t,x,y,z\n0,02,1,0,2,0,3,0\n", "row 2 has 8"), ("t,x,y,z\n0,1,2,3\n0,1,2,3\n", "row 3 has")])  # fmt: skip
+    ("t,x,y,z\n0,02,1,0,2,0,3,0\n", "row 2 has 8"), ("t,x,y,z\n0,1,2,3\n0,1,2,3\n", "row 3 has")
+])  # fmt: skip
 def test_a_faulty_csv_file_is_refused(tmp_path, text, message):
     file = tmp_path / "track.csv"
     file.write_text(text)

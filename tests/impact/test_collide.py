@@ -327,7 +327,8 @@ def test_a_copy_runs_again_to_the_same_digits(options):
     ({"torque": lambda: None}, "torque is .*t, q, v"),
     ({"contact": kd.Contact((1, 0, 0.3), 0.0)}, r"restitution is 0\.0: .*0\.01"),
     ({"ball_velocity": (14 - 1e-7, 0, 4)}, "approach speed is .*at least 1e-06"),
-    ({"ball": kd.Ball(math.inf)}, "mass is inf"), ({"model": "disc"}, "model is 'disc'")])  # fmt: skip
+    ({"ball": kd.Ball(math.inf)}, "mass is inf"), ({"model": "disc"}, "model is 'disc'")
+])  # fmt: skip
 def test_bad_input(options, words):
     with pytest.raises(kd.InvalidInput, match=words) as caught:
         human(**options)

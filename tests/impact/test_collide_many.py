@@ -82,7 +82,8 @@ def test_rows_without_machine_code():
     ({"contact_time": 10}, "contact time is 10"),
     ({"contact_time": 0.01, "stiffness": 1e5}, "only one"), ({"stiffness": "pressure"}, "pressure"),
     ({"ball": kd.Ball(math.inf)}, "mass is inf"), ({"torque": [1.0]}, "torque has shape"),
-    ({"tol": 1.0}, "tol is 1"), ({"ball_spin": np.ones((3, 3))}, r"ball spin has shape \(3, 3\)")])  # fmt: skip
+    ({"tol": 1.0}, "tol is 1"), ({"ball_spin": np.ones((3, 3))}, r"ball spin has shape \(3, 3\)")
+])  # fmt: skip
 def test_bad_input(changes, words):
     arguments = {"q": Q, "v": V, "ball": kd.Ball(), "contact": kd.Contact((1, 0, 0), 0.5)}
     with pytest.raises(kd.InvalidInput, match=words) as caught:

@@ -80,7 +80,8 @@ def test_the_contact_pushes_only():
     ((0.0, 1, 1), "contact time is 0"), ((10, 1, 1), r"contact time is 10.* at most 0\.1"),
     ((0.01, -1, 1), "mass is -1"), ((0.01, 1, math.nan), "approach speed is nan"),
     ((0.01, 1, 1, 0.0099), r"restitution is 0\.0099: .*at least 0\.01"),
-    ((0.01, 1, 1, np.array([0.5])), "restitution is"), ((1e-300, 1, 1), "contact time is")])  # fmt: skip
+    ((0.01, 1, 1, np.array([0.5])), "restitution is"), ((1e-300, 1, 1), "contact time is")
+])  # fmt: skip
 def test_bad_input(arguments, words):
     with pytest.raises(kd.InvalidInput, match=words):
         contact_stiffness(*arguments)

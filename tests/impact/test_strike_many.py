@@ -104,7 +104,8 @@ def test_slopes_are_those_of_the_sensitivity(friction):
     ({"v": np.ones((3, 3))}, "q has 2 rows and v 3"), ({"law": "stronge"}, "'stronge': .*'newton'"),
     ({"ball": [kd.Ball()] * 3}, "ball has length 3"), ({"contact": "x"}, "contact is 'x'"),
     ({"ball_spin": np.ones((3, 3))}, r"ball spin has shape \(3, 3\)"),
-    ({"slopes": "yes"}, "slopes is 'yes'"), ({"v": [[np.nan] * 3] * 2}, "v is .*finite")])  # fmt: skip
+    ({"slopes": "yes"}, "slopes is 'yes'"), ({"v": [[np.nan] * 3] * 2}, "v is .*finite")
+])  # fmt: skip
 def test_bad_input(changes, words):
     arguments = {"q": np.ones((2, 3)), "v": np.ones((2, 3)), "ball": BALL, "contact": CONTACT}
     with pytest.raises(kd.InvalidInput, match=words) as caught:

@@ -118,7 +118,8 @@ def test_the_distance_to_the_other_branch():
     ({"v": np.diag([1.0, 1.0, -1.0])}, "eigenvalue of -1"),
     ({"v": np.eye(3) + np.eye(3, k=2)}, "symmetric"), ({"restitution": [[0.1]]}, r"shape \(1, 1\)"),
     ({"q": 1e200}, r"spread of q is 1e\+200"), ({"friction": np.nan}, "friction is nan"),
-    ({"q": 5}, "spread of q is 5 rad"), ({"normal": 4 * np.eye(3)}, "spread of normal is 2 rad")])  # fmt: skip
+    ({"q": 5}, "spread of q is 5 rad"), ({"normal": 4 * np.eye(3)}, "spread of normal is 2 rad")
+])  # fmt: skip
 def test_bad_input(spread, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kick().uncertainty(**spread)

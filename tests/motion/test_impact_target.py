@@ -18,7 +18,8 @@ SPINNING = kd.BallState(velocity=(-3.0, 0.5, 1.0), spin=(4.0, -9.0, 2.0))
 @pytest.mark.parametrize("share", [0.4, 1.0])
 @pytest.mark.parametrize(("speed", "restitution", "friction", "spin"), [
     (6.0, 0.7, 0.4, (0, -30, 0)), (6.0, 0.7, 0.5, (3, 5, -6)), (6.0, 0.7, 0.0, (0, 0, 0)),
-    (2.0, TABLE, 0.4, (0, -5, 0)), (8.0, TABLE, 0.4, (0, -5, 0)), (16.0, TABLE, 0.0, (0, 0, 0))])  # fmt: skip
+    (2.0, TABLE, 0.4, (0, -5, 0)), (8.0, TABLE, 0.4, (0, -5, 0)), (16.0, TABLE, 0.0, (0, 0, 0))
+])  # fmt: skip
 def test_the_strike_gives_what_was_wished_for(speed, restitution, friction, spin, share, before):
     velocity = speed * np.array([0.9, 0.2, 0.4])
     change = velocity - before.velocity

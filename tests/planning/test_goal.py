@@ -43,7 +43,8 @@ def test_nominal_times_are_those_of_the_parabola(kind, target, time, part):
 
 @pytest.mark.parametrize(("target", "condition"), [
     (30, {"speed": 17.1}), ((10, 0, 3), {"apex": 2.9}), ((10, 0, 2), {"over": (5, 0.99)})
-], ids=["below sqrt(g d) = 17.16 m/s", "apex below the target", "point below the straight line"])  # fmt: skip
+], ids=["below sqrt(g d) = 17.16 m/s", "apex below the target", "point below the straight line"
+])  # fmt: skip
 def test_what_the_vacuum_does_not_allow_has_no_nominal_time(target, condition):
     assert kd.Goal(target, **condition).nominal_times() == []
 
@@ -86,7 +87,8 @@ def test_a_goal_seen_from_elsewhere_is_the_same_in_the_world():
     (30, {"time": 1, "beside": (0, 2)}, "beside is at 0 m"),
     (math.nan, {"time": 1}, "target is nan"), (30, {"time": 1, "spin": (0, 1)}, "spin has shape"),
     (30, {"time": 1, "arc": "flat"}, "arc is 'flat'.*low, high"),
-    (10, {"time": 1, "receiver_velocity": (101, 0, 0)}, "speed of the receiver is .* 100")])  # fmt: skip
+    (10, {"time": 1, "receiver_velocity": (101, 0, 0)}, "speed of the receiver is .* 100")
+])  # fmt: skip
 def test_bad_input(target, named, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.Goal(target, **named)

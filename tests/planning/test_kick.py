@@ -154,7 +154,8 @@ def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
     (kd.Goal((10, 0, 3), apex=1), {}, "apex 3 m"),
     (kd.Goal(4, apex=1), {"surface": "carpet"}, "must have a time or a speed"),
     (kd.Goal(4, time=60), {"surface": "carpet"}, "stops before the target"),
-    (kd.Goal(4, time=1, spin=(5, 0, 0)), {"surface": "carpet"}, r"spin has [45]\.?\d* rad/s")])  # fmt: skip
+    (kd.Goal(4, time=1, spin=(5, 0, 0)), {"surface": "carpet"}, r"spin has [45]\.?\d* rad/s")
+])  # fmt: skip
 def test_bad_input(goal, options, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.plan_kick(HUMAN, goal, BALL, None, **options)

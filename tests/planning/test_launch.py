@@ -73,7 +73,8 @@ LOW, FAR = (20.0, 0.0, 2.2), (25.0, 0.0, 1.0)
     (kd.Goal((300, 0, 30), time=4), "speed-limit", 35**2 / G * (math.sqrt(1.01) - 0.1)),
     (kd.Goal(LOW, apex=2.0), "lowest-path", 2.2),
     (kd.Goal(LOW, over=(9.15, 80)), "highest-path", None),
-    (kd.Goal(LOW, time=0.4), "speed-limit", None), (kd.Goal(LOW, time=9), "speed-limit", None)])  # fmt: skip
+    (kd.Goal(LOW, time=0.4), "speed-limit", None), (kd.Goal(LOW, time=9), "speed-limit", None)
+])  # fmt: skip
 def test_the_nearest_launch_in_the_vacuum_has_a_closed_form(goal, limit, nearest):
     launch = kd.plan_launch(goal, BALL, speed_limit=35)
     assert (launch.status, launch.limit, launch.others) == ("unreachable", limit, ())

@@ -41,7 +41,8 @@ def test_a_pass_meets_a_receiver_who_runs(condition):
 
 @pytest.mark.parametrize(("goal", "speed_limit", "limit"), [
     (kd.Goal(6, time=30), 40, "rolling"), (kd.Goal(20, time=0.5), 10, "speed-limit"),
-    (kd.Goal(18, speed=14), 10, "speed-limit"), (kd.Goal(18, speed=3), 40, "least-speed")])  # fmt: skip
+    (kd.Goal(18, speed=14), 10, "speed-limit"), (kd.Goal(18, speed=3), 40, "least-speed")
+])  # fmt: skip
 def test_a_pass_that_cannot_be_has_a_reason(goal, speed_limit, limit):
     made = kd.plan_pass(goal, BALL, AIR, speed_limit=speed_limit)
     assert (made.status, made.limit) == ("unreachable", limit)

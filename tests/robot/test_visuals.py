@@ -87,7 +87,8 @@ def test_meshes_outside_are_refused_and_not_opened(folder, name, watch):
 
 @pytest.mark.parametrize(("name", "reason"), [
     ("http://example.org/box.stl", "no addresses"), ("empty.stl", "no triangles"),
-    ("pipe.stl", "not a regular file"), ("huge.stl", "1000000000 bytes: at most 100000000")])  # fmt: skip
+    ("pipe.stl", "not a regular file"), ("huge.stl", "1000000000 bytes: at most 100000000")
+])  # fmt: skip
 def test_bad_meshes_are_named(folder, name, reason):
     with pytest.raises(kd.InvalidInput, match=f"^[^\n]*{re.escape(name)}[^\n]*({reason})"):
         read(name, folder)

@@ -155,7 +155,8 @@ def test_two_milliseconds_are_small_enough(e, friction):
     ({"timestep": 0}, "timestep is 0.0"), ({"timestep": 0.006}, "2e-05 to 0.005 s"),
     ({"timestep": 1e-300}, "2 to 500 steps"), ({"tolerance": 1e-300}, "tolerance is 1e-300"),
     ({"friction": 1e300}, "friction is 1e"), ({"contact_time": 1e300}, "contact time is 1e"),
-    ({"integrator": "euler"}, "integrator is 'euler'.* Euler"), ({"e": 0.1}, "restitution is 0.1")])  # fmt: skip
+    ({"integrator": "euler"}, "integrator is 'euler'.* Euler"), ({"e": 0.1}, "restitution is 0.1")
+])  # fmt: skip
 def test_bad_input(given, message):
     with pytest.raises(kd.InvalidInput, match=message):
         tune(**({"e": 0.7} | given))

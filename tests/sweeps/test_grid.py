@@ -14,7 +14,8 @@ LEG = kd.Leg.human()
 
 @pytest.mark.parametrize(("text", "degrees"), [
     ("hip=-10:60:5", np.arange(-10, 61, 5)), ("knee=0:1:0.1", np.arange(11) / 10),
-    ("knee=0:10:4", [0, 4, 8]), ("ankle=7", [7]), ("hip=0:0.3:0.1", [0, 0.1, 0.2, 0.3])])  # fmt: skip
+    ("knee=0:10:4", [0, 4, 8]), ("ankle=7", [7]), ("hip=0:0.3:0.1", [0, 0.1, 0.2, 0.3])
+])  # fmt: skip
 def test_a_text_is_read_in_degrees_with_its_ends(text, degrees):
     (values,) = read_postures(LEG, [text]).values()
     assert np.degrees(values) == pytest.approx(np.asarray(degrees, float))

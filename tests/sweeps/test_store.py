@@ -164,7 +164,8 @@ kd.sweep(kd.Leg.human(), {POSTURES}, kick, store="s.zarr", threads=1)
     ({"postures": dict(reversed(POSTURES.items()))}, "ankle, knee, hip"),
     ({"postures": {"hip": [0.0, 0.1]}}, "joints"),
     ({"postures": POSTURES | {"knee": [0.0, 0.3 + 1e-15, 0.6]}}, "knee"),
-    ({"leg": LEG.with_armature({"hip": 0.5})}, "model"), ({"variables": ["carry"]}, "variables")])  # fmt: skip
+    ({"leg": LEG.with_armature({"hip": 0.5})}, "model"), ({"variables": ["carry"]}, "variables")
+])  # fmt: skip
 def test_a_store_of_another_sweep_is_left_alone(whole, change, word):
     before = files(whole)
     with pytest.raises(kd.InvalidInput, match=f"another sweep.*{word}"):

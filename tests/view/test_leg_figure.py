@@ -105,7 +105,8 @@ def test_shapes_have_their_size_and_place(leg_looking_like, tmp_path, tag, half)
 @pytest.mark.parametrize(("shape", "fault"), [
     ('<mesh filename="../box.stl"/>', r"'\.\./box.stl' is refused"),
     ('<mesh filename="box.stl"/>', "'box.stl' is"), ('<sphere radius="0"/>', "0.0"),
-    ('<box size="1 -1 1"/>', "-1.0"), ('<cylinder length="1" radius="1e308"/>', r"1e\+308")])  # fmt: skip
+    ('<box size="1 -1 1"/>', "-1.0"), ('<cylinder length="1" radius="1e308"/>', r"1e\+308")
+])  # fmt: skip
 def test_a_shape_that_cannot_be_drawn_is_named_and_others_stay(leg_looking_like, shape, fault):
     bad = f"<visual><geometry>{shape}</geometry></visual>"
     parts, warning = leg_shapes(leg_looking_like(bad + SPHERE.format("") + bad))

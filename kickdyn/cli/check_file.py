@@ -5,7 +5,7 @@ import re
 import shlex
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from kickdyn.ball import Ball
 from kickdyn.core import validation
-from kickdyn.core.files import check_file, read_text
+from kickdyn.core.files import check_file, read_text, read_toml
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput
@@ -24,9 +24,10 @@ from kickdyn.identification.segments import segments
 from kickdyn.identification.track import LARGEST_FILE, METRES, Track, c3d_content
 from kickdyn.robot.catalog import TOE
 from kickdyn.robot.constraints import Support, find_open_loops
+from kickdyn.robot.drives import load_drives
 from kickdyn.robot.foot_surfaces import kick_with
 from kickdyn.robot.ground_clearance import body_frames, find_unread
-from kickdyn.robot.leg import NO_DRIVES, Leg, read_leg
+from kickdyn.robot.leg import Leg, read_leg
 from kickdyn.robot.mjcf_file import body_name, is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import facing_doubts
@@ -58,8 +59,25 @@ GAP = 1.5
 LONGEST_HEADER = 10_000
 """Characters of the first row of a ball track that are read for its columns."""
 
-COLUMNS = {"t": ("t", "time", "times", "timestamp"), "x": ("x",), "y": ("y",), "z": ("z",)}
-"""Usual names of the columns of a ball track, without case, units and words such as ball."""
+NO_AXES = {
+    "ball",
+    "pos",
+    "position",
+    "centre",
+    "center",
+    "m",
+    "s",
+    "sec",
+    "mm",
+    "cm",
+    "ms",
+    "ft",
+    "in",
+}
+"""Words in the names of columns that do not say which axis it is."""
+
+OTHER_UNIT = re.compile(r"[^a-zA-Z](mm|cm|ms|ft|in)\b")
+"""Units in the names of columns that a track must not have."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,7 +121,7 @@ class _Found:
     """Collects what is seen in a file."""
 
     def __init__(self, path: str, folders: tuple[str, ...]) -> None:
-        self.path, self.folders = path, folders
+        self.kind, self.path, self.folders = "", path, folders
         self.rows, self.problems, self.commands = list[Row](), list[str](), list[str]()
 
     def add(self, name: str, value: object, unit: str = "") -> None:
@@ -132,24 +150,25 @@ def check(path: str | PathLike[str], package_dirs: Iterable[str | PathLike[str]]
         ('there is no such file',)
     """
     name = str(path)
-    found, kind = _Found(name, tuple(map(str, package_dirs))), ""
+    found = _Found(name, tuple(map(str, package_dirs)))
     try:
         check_file(path, name, LARGEST_FILE, FaultyFile)
         ending = Path(path).suffix.lower()
         if ending not in READERS:
-            endings = ", ".join(READERS)
-            fault = f"its name does not end in {endings}: rename it to what it is"
-            raise FaultyFile(name, [fault])
-        kind, read = READERS[ending]
+            raise InvalidInput(f"its name must end in {', '.join(READERS)}, whichever it is")
+        found.kind, read = READERS[ending]
         read(found)
     except InvalidInput as error:
         found.problems += error.faults
-    return FileCheck(kind, tuple(found.rows), tuple(found.problems), tuple(found.commands))
+    return FileCheck(found.kind, tuple(found.rows), tuple(found.problems), tuple(found.commands))
 
 
 def _check_robot(found: _Found) -> None:
     file, model = _read_robot(found)
-    data, floats = model.createData(), has_floating_base(model)
+    floats = model.njoints > 1 and has_floating_base(model)
+    if model.njoints == 1 + floats:
+        raise InvalidInput("it has no moving joint, and a kick moves some")
+    data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     places = np.array([placement.translation for placement in data.oMi])
     ends = sorted(set(range(1, model.njoints)) - set(model.parents))
@@ -174,9 +193,13 @@ def _check_robot(found: _Found) -> None:
 
     left = np.array([-AXES[axis][1], AXES[axis][0]])  # the right foot kicks
     frame, *others = sorted(feet, key=lambda name: (name != TOE, places[feet[name], :2] @ left))
-    leg = read_leg(found.path, frame, "fixed", found.folders, facing=axis)
-    unsaid = {NO_DRIVES, *leg.open_loops, *facing_doubts(leg.model, leg.contact_joint)}
-    found.rows += (("note", line, "") for line in leg.warnings if line not in unsaid)
+
+    def loaded(base: str) -> Leg:
+        leg = read_leg(found.path, frame, base, found.folders, facing=axis)
+        return replace(leg, file=file)  # whose meshes were read
+
+    leg = loaded("fixed")
+    found.rows += (("note", line, "") for line in leg.warnings if line not in leg.open_loops)
     kicking = frame
     if frame != TOE:
         try:
@@ -193,16 +216,15 @@ def _check_robot(found: _Found) -> None:
     support: list[str] = []
     for other in others if floats else ():
         try:
-            robot = read_leg(found.path, frame, "floating", found.folders, facing=axis)
-            StandingRobot(robot.with_supports(Support(other, friction=FRICTION)))
+            StandingRobot(loaded("floating").with_supports(Support(other, friction=FRICTION)))
         except InvalidInput as fault:
             found.add("does not stand on", f"{other}: {fault}")
         else:
             found.add("stands on", other)
             support = support or ["--support", f"{other}:{FRICTION}"]
-    goal = ["--distance", "1", "--time", "0.4"]
+    swept, goal = _swept(leg), ["--distance", "1", "--time", "0.4"]
     found.propose("plan", *options, *support, *goal, "--view", "kick.html")
-    found.propose("posture-sweep", *options, *_swept(leg))
+    found.propose("posture-sweep", *options, *swept)
     found.propose("reach", *options, *support, "--elevation", "20", "--tolerance", "0.2")
 
 
@@ -253,24 +275,25 @@ def _add_joints(found: _Found, leg: Leg) -> None:
 def _facing(found: _Found, leg: Leg, feet: int) -> str:
     """Return the axis that a robot faces, the one that its foot reaches farthest along."""
     model, joint = leg.model, leg.contact_joint
-    doubts, data = facing_doubts(model, joint), model.createData()
+    doubts, data = facing_doubts(model, joint) if feet == 2 else (), model.createData()
     pin.forwardKinematics(model, data, leg.configuration())
     shapes = joint_spheres(leg, joint)
     points = np.vstack([shapes.centres, leg.contact_lever]) @ data.oMi[joint].rotation.T
     radii = np.append(shapes.radii, 0.0)
     reach = {axis: float((points[:, :2] @ way + radii).max()) for axis, way in AXES.items()}
-    axes = ("y", "-y") if doubts else ("x", "-x") if feet > 1 else tuple(AXES)
+    axes = ("y", "-y") if doubts else tuple(AXES) if feet == 1 else ("x", "-x")
     axis = max(axes, key=reach.__getitem__)
     behind = axis.removeprefix("-") if axis.startswith("-") else f"-{axis}"
-    if not reach[axis] > AHEAD * reach[behind]:
-        found.add("faces", f"{' or '.join(axes)}, by its feet: x is assumed")
+    if feet > 2 or not reach[axis] > AHEAD * reach[behind]:
+        found.add("faces", "x is assumed: its feet do not show it")
         found.problems += doubts
         return "x"
     found.add("faces", axis)
-    if axis != "x":
-        found.problems.append(
-            f"it faces {axis}, but kicks are along x: facing={axis!r} (--facing {axis}) turns it"
-        )
+    turn = f"it faces {axis}, but kicks are along x: facing={axis!r} (--facing {axis}) turns it"
+    if axis != "x" and feet == 2:
+        found.problems.append(turn)
+    elif axis != "x":  # the end of an arm may have any direction
+        found.add("note", f"if this is a leg, {turn}")
     return axis
 
 
@@ -299,7 +322,8 @@ def _swept(leg: Leg) -> list[str]:
 
 
 def _check_markers(found: _Found) -> None:
-    if Path(found.path).suffix.lower() == ".c3d":
+    ending = Path(found.path).suffix.lower()
+    if ending == ".c3d":
         labels, scale, rate, first, data = c3d_content(found.path)
         unit = next(unit for unit, size in METRES.items() if size == scale)
         positions = scale * data[: len(labels)].transpose(1, 0, 2)
@@ -317,6 +341,7 @@ def _check_markers(found: _Found) -> None:
     for name, frames in track.gaps.items():
         first, last = track.times[[frames[0], frames[-1]]]
         found.add(f"gaps of {name}", len(frames), f"frames, {first:.4g} to {last:.4g} s")
+    _name_fit(found, f"from_{ending[1:]}", "markers")
     if len(track) < 2:
         return
     speeds = np.linalg.norm(np.gradient(track.positions, track.times, axis=0), axis=2)
@@ -340,37 +365,46 @@ def _check_angles(found: _Found) -> None:
             found.add(f"coordinate {name}", *(ends, "m") if slides else (np.degrees(ends), "deg"))
         if known.size < values.size:
             found.add(f"gaps of {name}", values.size - known.size, "rows")
+    _name_fit(found, "from_mot", "angles")
+
+
+def _name_fit(found: _Found, read: str, what: str) -> None:
+    call = f"kd.fit_motion(kd.BodyTrack.{read}({found.path!r}), leg, {what}={{...}})"
+    found.add("in Python", f"{call} is the motion of a leg")
 
 
 def _check_ball(found: _Found) -> None:
     with Path(found.path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
         header = [name.strip() for name in file.readline(LONGEST_HEADER).split(",")]
-    named = {axis: [name for name in header if _plain(name) in COLUMNS[axis]] for axis in COLUMNS}
-    columns = [names[0] for names in named.values() if len(names) == 1]
-    usual = len(columns) < 4 or columns == list(COLUMNS)
+    guessed = {axis: [name for name in header if _axis(name) == axis] for axis in "txyz"}
+    columns = [names[0] for names in guessed.values() if len(names) == 1]
+    usual = len(columns) < 4 or columns == [*"txyz"]
     track = Track.from_csv(found.path) if usual else Track.from_csv(found.path, columns)
-    found.add("columns", ", ".join(list(COLUMNS) if usual else columns))
+    found.add("columns", "t, x, y, z" if usual else ", ".join(columns))
     _add_times(found, "samples", track.times)
     found.add("lowest corner", track.positions.min(axis=0), "m")
     found.add("highest corner", track.positions.max(axis=0), "m")
-    for line in track.warnings:
-        found.add("note", line)
+    found.rows += (("note", line, "") for line in track.warnings)
+    others = [f"{name} in {unit[1]}" for name in columns if (unit := OTHER_UNIT.search(name))]
+    if others:
+        raise InvalidInput(f"columns are {', '.join(others)}: times must be in s, positions in m")
     split = segments(track, Ball())
-    found.problems += (line for line in split.warnings if line not in track.warnings)
+    bounded = split.friction is not None and split.friction.is_lower_bound  # says the last line
+    doubts = split.warnings[: -1 if bounded else None]
+    found.problems += (line for line in doubts if line not in track.warnings)
     found.add("flights", len(split.flights))
     if split.flights:
         longest = max(split.flights, key=lambda flight: flight.duration)
-        begin = longest.times[0]
-        found.add("longest flight", longest.duration, f"s, from {begin:.4g} s")
+        found.add("longest flight", longest.duration, f"s, from {longest.times[0]:.4g} s")
     words = [] if usual else ["--columns", ",".join(columns)]
     found.propose("identify", found.path, *words, "--plot", "flight.png")
 
 
-def _plain(name: str) -> str:
-    """Return the name of a column in lower case, without its unit and what it belongs to."""
-    text = re.sub(r"\[.*?\]|\(.*?\)", " ", name.lower())
-    words = [word for word in re.split(r"[\s_.\-]+", text) if word]
-    return " ".join(word for word in words if word not in ("m", "s", "ball", "pos", "position"))
+def _axis(name: str) -> str:
+    """Return which of t, x, y and z the name of a column means, without units; or nothing."""
+    words = set(re.findall("[a-z]+", name.lower())) - NO_AXES
+    word = words.pop() if len(words) == 1 else ""
+    return "t" if word in ("time", "times", "timestamp") else word
 
 
 def _add_times(found: _Found, what: str, times: Array) -> None:
@@ -392,7 +426,13 @@ def _add_times(found: _Found, what: str, times: Array) -> None:
         )
 
 
-def _check_scene(found: _Found) -> None:
+def _check_toml(found: _Found) -> None:
+    if "joints" in read_toml(found.path):
+        found.kind = "drives"
+        for joint, drive in load_drives(found.path).items():
+            found.add(joint, drive.reflected_inertia, "kg m2 at the joint")
+        found.add("next", f"--drives {found.path} beside --leg gives them to a robot")
+        return
     found.rows += load_scene(found.path)._rows()
     found.propose("simulate", found.path)
     found.propose("view", found.path, "--out", "kick.html")
@@ -403,6 +443,6 @@ ANGLES = ("joint angles", _check_angles)
 READERS: dict[str, tuple[str, Callable[[_Found], None]]] = {
     ".urdf": ROBOT, ".xacro": ROBOT, ".xml": ROBOT, ".mjcf": ROBOT,
     ".c3d": MARKERS, ".trc": MARKERS, ".mot": ANGLES, ".sto": ANGLES,
-    ".csv": ("ball track", _check_ball), ".toml": ("scene", _check_scene),
+    ".csv": ("ball track", _check_ball), ".toml": ("scene", _check_toml),
 }  # fmt: skip
 """What a file has, and the function that checks it, by the ending of its name."""

@@ -210,7 +210,8 @@ def _check_robot(found: _Found) -> None:
     options = ["--leg", found.path, *([] if frame == TOE else ["--frame", kicking])]
     options += [] if axis == "x" else ["--facing", axis]
     options += [word for folder in found.folders for word in ("--package-dir", folder)]
-    for first, second in find_open_loops(leg.model, leg.workspace.data):
+    loops = find_open_loops(leg.model, leg.workspace.data)
+    for first, second in loops:
         found.add("loop", f"{first} and {second} are at one place: --loop joins them")
         options += ["--loop", f"{first}:{second}"]
     support: list[str] = []
@@ -222,10 +223,13 @@ def _check_robot(found: _Found) -> None:
         else:
             found.add("stands on", other)
             support = support or ["--support", f"{other}:{FRICTION}"]
-    swept, goal = _swept(leg), ["--distance", "1", "--time", "0.4"]
-    found.propose("plan", *options, *support, *goal, "--view", "kick.html")
-    found.propose("posture-sweep", *options, *swept)
-    found.propose("reach", *options, *support, "--elevation", "20", "--tolerance", "0.2")
+    swept, page = _swept(leg), ["--view", "kick.html"]
+    if loops or leg.loops:
+        found.add("note", "kicks are planned for legs without loops only")
+    else:
+        found.propose("plan", *options, *support, "--distance", "1", "--time", "0.4", *page)
+        found.propose("reach", *options, *support, "--elevation", "20", "--tolerance", "0.2")
+    found.propose("posture-sweep", *options, *swept, *page)
 
 
 def _read_robot(found: _Found) -> tuple[RobotFile, Any]:
@@ -309,16 +313,26 @@ def _check_meshes(found: _Found, leg: Leg) -> None:
 
 
 def _swept(leg: Leg) -> list[str]:
-    """Return ranges of the two joints that move the foot fastest along x, for a posture sweep."""
+    """Return ranges of the two joints that move the foot fastest along x, for a posture sweep.
+
+    Other joints are at 0, or where their range comes nearest to it.
+    """
     speeds = np.abs(leg.posture(leg.configuration()).jacobian[0])
-    ranges = {}
-    for name in set(leg.single_joints) - {mimic.joint for mimic in leg.mimics}:
-        low, high = np.clip(np.degrees(leg.joint_range(name)), -SWEPT, SWEPT).round(6)
-        speed = float(speeds[leg.velocity_index(name)])
-        if leg.joint_unit(name) == "rad" and high - low >= 1.0 and speed:
-            ranges[f"{name}={math.ceil(low)}:{math.floor(high)}:10"] = speed
-    fastest = sorted(ranges, key=lambda text: -ranges[text])[:2]
-    return [word for text in fastest for word in ("--joint", text)]
+    ranges, values = dict[str, float](), list[str]()
+    for name in leg.single_joints:
+        scale = math.degrees(1.0) if (turns := leg.joint_unit(name) == "rad") else 1.0
+        ends = np.round([scale * end for end in leg.joint_range(name)], 6)
+        low, high = (math.ceil(max(ends[0], -SWEPT)), math.floor(min(ends[1], SWEPT)))
+        if name in {mimic.joint for mimic in leg.mimics}:
+            continue
+        if turns and low < high and speeds[leg.velocity_index(name)]:
+            ranges[name] = float(speeds[leg.velocity_index(name)])
+            values.append(f"{name}={low}:{high}:10")
+        if not ends[0] <= 0.0 <= ends[1]:
+            values.append(f"{name}={min(ends, key=abs):g}")
+    fastest = sorted(ranges, key=lambda name: -ranges[name])[:2]
+    chosen = [text for text in values if (":" in text) == (text.rpartition("=")[0] in fastest)]
+    return [word for text in chosen for word in ("--joint", text)]
 
 
 def _check_markers(found: _Found) -> None:

@@ -9,6 +9,7 @@ from kickdyn._version import __version__
 from kickdyn.cli.command import HELP_OPTIONS, run
 
 COMMANDS = {
+    "check": "Say what kickdyn sees in a file, and what is wrong with it.",
     "posture-sweep": "Kick from a grid of postures.",
     "plan": "Plan a kick for a given target.",
     "reach": "Find the largest launch in each direction.",

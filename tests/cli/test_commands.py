@@ -67,7 +67,7 @@ def keys(value):
 
 
 @pytest.mark.parametrize("line", [
-    "posture-sweep --joint hip=0:10:5", "reach --elevation 20 --tolerance 0.3",
+    "check match.csv", "posture-sweep --joint hip=0:10:5", "reach --elevation 20 --tolerance 0.3",
     "paper --only 'table 2'", "tradeoff --scene paper_kick", "simulate free_kick --exact",
     "view slow.toml", pytest.param("identify match.csv", marks=pytest.mark.slow),
     pytest.param("tune-mujoco robot_chip --timestep 0.005", marks=pytest.mark.slow)])  # fmt: skip

@@ -1,0 +1,462 @@
+"""What kickdyn sees in a file, what is wrong with it, and the commands that come next."""
+
+import math
+import re
+import shlex
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.ball import Ball
+from kickdyn.core import validation
+from kickdyn.core.files import check_file, read_text, read_toml
+from kickdyn.core.representation import ReprMixin, Row, format_value
+from kickdyn.core.validation import Array
+from kickdyn.errors import FaultyFile, InvalidInput
+from kickdyn.identification.body_track import BodyTrack
+from kickdyn.identification.segments import segments
+from kickdyn.identification.track import LARGEST_FILE, METRES, Track, c3d_content
+from kickdyn.robot.catalog import TOE
+from kickdyn.robot.constraints import Support, find_open_loops
+from kickdyn.robot.drives import load_drives
+from kickdyn.robot.foot_surfaces import kick_with
+from kickdyn.robot.ground_clearance import body_frames, find_unread
+from kickdyn.robot.leg import Leg, read_leg
+from kickdyn.robot.mjcf_file import body_name, is_mjcf, read_mjcf
+from kickdyn.robot.mjcf_model import build_mjcf_model
+from kickdyn.robot.model_validation import facing_doubts
+from kickdyn.robot.names import FOOT_WORDS, listed
+from kickdyn.robot.standing import StandingRobot, joint_spheres
+from kickdyn.robot.surgery import has_floating_base
+from kickdyn.robot.urdf_file import build_model, read_urdf
+from kickdyn.robot.visuals import RobotFile
+from kickdyn.scene.toml_reader import load_scene
+
+AXES = {"x": (1.0, 0.0), "y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}
+"""Horizontal axes that a robot may face, as for `Leg.from_urdf`, and their directions."""
+
+LEVEL = 0.05
+"""Share of a robot's height by which its feet may differ in height while all joints are at 0."""
+
+FRICTION = 0.7
+"""Coefficient of friction under the supporting foot of the commands."""
+
+AHEAD = 1.2
+"""Least ratio of what a foot reaches ahead of its last joint and behind it."""
+
+SWEPT = 40.0
+"""Largest angle of the posture sweep to either side of 0 [deg]."""
+
+GAP = 1.5
+"""Time between samples, as a multiple of the median, that is a gap."""
+
+LONGEST_HEADER = 10_000
+"""Characters of the first row of a ball track that are read for its columns."""
+
+NO_AXES = {
+    "ball",
+    "pos",
+    "position",
+    "centre",
+    "center",
+    "m",
+    "s",
+    "sec",
+    "mm",
+    "cm",
+    "ms",
+    "ft",
+    "in",
+}
+"""Words in the names of columns that do not say which axis it is."""
+
+OTHER_UNIT = re.compile(r"[^a-zA-Z](mm|cm|ms|ft|in)\b")
+"""Units in the names of columns that a track must not have."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FileCheck(ReprMixin):
+    """What `check` says of a file.
+
+    Attributes:
+        kind: what the file has, such as `robot`; empty where it cannot be read.
+        rows: name, value and unit of each line about its content.
+        problems: a line for each fault, with its remedy; none where the file can be used.
+        commands: what to run next.
+    """
+
+    kind: str
+    rows: tuple[Row, ...]
+    problems: tuple[str, ...]
+    commands: tuple[str, ...]
+
+    def _rows(self) -> Iterable[Row]:
+        yield "kind", self.kind or "unknown", ""
+        yield from self.rows
+        yield from (("problem", line, "") for line in self.problems)
+        yield from (("next", line, "") for line in self.commands)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the lines with their numbers, in the units that they name."""
+        rows = [
+            {"name": name, "value": _plain_value(value), "unit": unit}
+            for name, value, unit in self.rows
+        ]
+        return {"kind": self.kind, "rows": rows, "problems": [*self.problems],
+                "commands": [*self.commands]}  # fmt: skip
+
+
+def _plain_value(value: object) -> Any:
+    numbers = isinstance(value, int | float | np.generic | np.ndarray)
+    return np.asarray(value).tolist() if numbers else format_value(value)
+
+
+class _Found:
+    """Collects what is seen in a file."""
+
+    def __init__(self, path: str, folders: tuple[str, ...]) -> None:
+        self.kind, self.path, self.folders = "", path, folders
+        self.rows, self.problems, self.commands = list[Row](), list[str](), list[str]()
+
+    def add(self, name: str, value: object, unit: str = "") -> None:
+        """Add a line."""
+        self.rows.append((name, value, unit))
+
+    def propose(self, *words: str) -> None:
+        """Add a command that comes next."""
+        self.commands.append(shlex.join(["kickdyn", *words]))
+
+
+@validation.check_arguments
+def check(path: str | PathLike[str], package_dirs: Iterable[str | PathLike[str]] = ()) -> FileCheck:
+    """Return what kickdyn sees in a file: a robot, markers, joint angles, a ball track or a scene.
+
+    Args:
+        path: a URDF or MJCF (`.urdf`, `.xml`, `.mjcf`), markers (`.c3d`, `.trc`), joint angles
+            (`.mot`, `.sto`), a ball track (`.csv`) or a scene (`.toml`).
+        package_dirs: ROS packages with meshes of a robot, as for `Leg.from_urdf`.
+
+    Faults of the file are in `FileCheck.problems` and raise nothing.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> kd.check("missing.csv").problems
+        ('there is no such file',)
+    """
+    name = str(path)
+    found = _Found(name, tuple(map(str, package_dirs)))
+    try:
+        check_file(path, name, LARGEST_FILE, FaultyFile)
+        ending = Path(path).suffix.lower()
+        if ending not in READERS:
+            raise InvalidInput(f"its name must end in {', '.join(READERS)}, whichever it is")
+        found.kind, read = READERS[ending]
+        read(found)
+    except InvalidInput as error:
+        found.problems += error.faults
+    return FileCheck(found.kind, tuple(found.rows), tuple(found.problems), tuple(found.commands))
+
+
+def _check_robot(found: _Found) -> None:
+    file, model = _read_robot(found)
+    floats = model.njoints > 1 and has_floating_base(model)
+    if model.njoints == 1 + floats:
+        raise InvalidInput("it has no moving joint, and a kick moves some")
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    places = np.array([placement.translation for placement in data.oMi])
+    ends = sorted(set(range(1, model.njoints)) - set(model.parents))
+    highest = min(places[end, 2] for end in ends) + LEVEL * np.ptp(places[1:, 2])
+    feet = {_foot_name(file, model, end): end for end in ends if places[end, 2] <= highest}
+    seen = Leg(model, next(iter(feet)), file)
+    found.add("robot", seen.name)
+    found.add("mass", sum(body.mass for body in model.inertias), "kg")
+    _add_joints(found, seen)
+    found.add("feet", ", ".join(feet))
+    for name, end in feet.items():
+        apart = set(feet.values()) - {end}
+        alone = [j for j in model.supports[end] if j and not apart & set(model.subtrees[j])]
+        top = alone[1 if floats and alone[0] == 1 else 0]  # below the base
+        moved = sum(model.inertias[joint].mass for joint in model.subtrees[top])
+        found.add(f"mass of the leg of {name}", moved, "kg")
+    rotors = np.count_nonzero(model.armature)
+    none = "none: --drives FILE gives rotor inertias, which make the foot heavier, and limits"
+    found.add("drives", f"rotor inertias of {rotors} joints" if rotors else none)
+    axis = _facing(found, seen, len(feet))
+    _check_meshes(found, seen)
+
+    left = np.array([-AXES[axis][1], AXES[axis][0]])  # the right foot kicks
+    frame, *others = sorted(feet, key=lambda name: (name != TOE, places[feet[name], :2] @ left))
+
+    def loaded(base: str) -> Leg:
+        leg = read_leg(found.path, frame, base, found.folders, facing=axis)
+        return replace(leg, file=file)  # whose meshes were read
+
+    leg = loaded("fixed")
+    found.rows += (("note", line, "") for line in leg.warnings if line not in leg.open_loops)
+    kicking = frame
+    if frame != TOE:
+        try:
+            leg, kicking = kick_with(leg, "toe"), f"{frame}:toe"
+        except InvalidInput as fault:
+            found.add("note", f"the origin of {frame} kicks, because {fault}")
+    found.add("kicks with", kicking)
+    options = ["--leg", found.path, *([] if frame == TOE else ["--frame", kicking])]
+    options += [] if axis == "x" else ["--facing", axis]
+    options += [word for folder in found.folders for word in ("--package-dir", folder)]
+    loops = find_open_loops(leg.model, leg.workspace.data)
+    for first, second in loops:
+        found.add("loop", f"{first} and {second} are at one place: --loop joins them")
+        options += ["--loop", f"{first}:{second}"]
+    support: list[str] = []
+    for other in others if floats else ():
+        try:
+            StandingRobot(loaded("floating").with_supports(Support(other, friction=FRICTION)))
+        except InvalidInput as fault:
+            found.add("does not stand on", f"{other}: {fault}")
+        else:
+            found.add("stands on", other)
+            support = support or ["--support", f"{other}:{FRICTION}"]
+    swept, page = _swept(leg), ["--view", "kick.html"]
+    if loops or leg.loops:
+        found.add("note", "kicks are planned for legs without loops only")
+    else:
+        found.propose("plan", *options, *support, "--distance", "1", "--time", "0.4", *page)
+        found.propose("reach", *options, *support, "--elevation", "20", "--tolerance", "0.2")
+    found.propose("posture-sweep", *options, *swept, *page)
+
+
+def _read_robot(found: _Found) -> tuple[RobotFile, Any]:
+    """Return a robot's file and its whole `pin.Model`, on a floating base where it may have one."""
+    if not is_mjcf(found.path):
+        file = read_urdf(found.path, found.folders)
+        return file, build_model(file.text, file.source, "floating")
+    read = read_mjcf(found.path, found.folders)
+    compiled = read.compile()
+    moving = [body for body in range(compiled.nbody) if compiled.body_weldid[body]]
+    roots = Counter(compiled.body_rootid[moving].tolist())  # others are objects of a scene
+    body = max(moving, key=lambda body: roots[int(compiled.body_rootid[body])], default=0)
+    foot = body_name(compiled, body)
+    try:
+        return build_mjcf_model(read, foot, "floating", None)[:2]
+    except InvalidInput:  # joints of the file move its root, or it has a fault
+        return build_mjcf_model(read, foot, "fixed", None)[:2]
+
+
+def _foot_name(file: RobotFile, model: Any, joint: int) -> str:
+    """Return a frame that a joint moves: toe, else a body with shapes, or named as a foot."""
+    shaped = file.visuals_by_frame | file.collisions_by_frame
+
+    def rank(frame: Any) -> tuple[bool, ...]:
+        sounds = any(word in frame.name.lower() for word in FOOT_WORDS)
+        body = frame.type == pin.FrameType.BODY
+        return (frame.name != TOE, not body, frame.name not in shaped, not sounds)
+
+    return str(min((f for f in model.frames if f.parentJoint == joint), key=rank).name)
+
+
+def _add_joints(found: _Found, leg: Leg) -> None:
+    driven = {mimic.joint: mimic for mimic in leg.mimics}
+    for name in leg.single_joints:
+        index, slides = leg.velocity_index(name), leg.joint_unit(name) == "m"
+        unit, scale = ("m", 1.0) if slides else ("deg", math.degrees(1.0))
+        low, high = (scale * end for end in leg.joint_range(name))
+        text = f"{low:.4g} to {high:.4g} {unit}"
+        effort, speed = leg.effort_limit[index], leg.velocity_limit[index]
+        text += f", {effort:.4g} {'N' if slides else 'N m'}" if effort < math.inf else ""
+        text += f", {speed:.4g} {'m/s' if slides else 'rad/s'}" if speed < math.inf else ""
+        if name in driven:
+            text += f", moves {driven[name].multiplier:.4g} times as {driven[name].driver}"
+        found.add(f"joint {name}", text)
+
+
+def _facing(found: _Found, leg: Leg, feet: int) -> str:
+    """Return the axis that a robot faces, the one that its foot reaches farthest along."""
+    model, joint = leg.model, leg.contact_joint
+    doubts, data = facing_doubts(model, joint) if feet == 2 else (), model.createData()
+    pin.forwardKinematics(model, data, leg.configuration())
+    shapes = joint_spheres(leg, joint)
+    points = np.vstack([shapes.centres, leg.contact_lever]) @ data.oMi[joint].rotation.T
+    radii = np.append(shapes.radii, 0.0)
+    reach = {axis: float((points[:, :2] @ way + radii).max()) for axis, way in AXES.items()}
+    axes = ("y", "-y") if doubts else tuple(AXES) if feet == 1 else ("x", "-x")
+    axis = max(axes, key=reach.__getitem__)
+    behind = axis.removeprefix("-") if axis.startswith("-") else f"-{axis}"
+    if feet > 2 or not reach[axis] > AHEAD * reach[behind]:
+        found.add("faces", "x is assumed: its feet do not show it")
+        found.problems += doubts
+        return "x"
+    found.add("faces", axis)
+    turn = f"it faces {axis}, but kicks are along x: facing={axis!r} (--facing {axis}) turns it"
+    if axis != "x" and feet == 2:
+        found.problems.append(turn)
+    elif axis != "x":  # the end of an arm may have any direction
+        found.add("note", f"if this is a leg, {turn}")
+    return axis
+
+
+def _check_meshes(found: _Found, leg: Leg) -> None:
+    reasons = {name: why for name in body_frames(leg) if (why := find_unread(leg, name))}
+    if reasons:
+        name, *others = reasons
+        more = f", nor those of {listed(others, 5)}" if others else ""
+        found.problems.append(
+            f"the shape of {name} cannot be read ({reasons[name]}){more}: --package-dir "
+            "(package_dirs) names the folder of the meshes"
+        )
+
+
+def _swept(leg: Leg) -> list[str]:
+    """Return ranges of the two joints that move the foot fastest along x, for a posture sweep.
+
+    Other joints are at 0, or where their range comes nearest to it.
+    """
+    speeds = np.abs(leg.posture(leg.configuration()).jacobian[0])
+    ranges, values = dict[str, float](), list[str]()
+    for name in leg.single_joints:
+        scale = math.degrees(1.0) if (turns := leg.joint_unit(name) == "rad") else 1.0
+        ends = np.round([scale * end for end in leg.joint_range(name)], 6)
+        low, high = (math.ceil(max(ends[0], -SWEPT)), math.floor(min(ends[1], SWEPT)))
+        if name in {mimic.joint for mimic in leg.mimics}:
+            continue
+        if turns and low < high and speeds[leg.velocity_index(name)]:
+            ranges[name] = float(speeds[leg.velocity_index(name)])
+            values.append(f"{name}={low}:{high}:10")
+        if not ends[0] <= 0.0 <= ends[1]:
+            values.append(f"{name}={min(ends, key=abs):g}")
+    fastest = sorted(ranges, key=lambda name: -ranges[name])[:2]
+    chosen = [text for text in values if (":" in text) == (text.rpartition("=")[0] in fastest)]
+    return [word for text in chosen for word in ("--joint", text)]
+
+
+def _check_markers(found: _Found) -> None:
+    ending = Path(found.path).suffix.lower()
+    if ending == ".c3d":
+        labels, scale, rate, first, data = c3d_content(found.path)
+        unit = next(unit for unit, size in METRES.items() if size == scale)
+        positions = scale * data[: len(labels)].transpose(1, 0, 2)
+        track = BodyTrack((first + np.arange(len(positions))) / rate, labels, positions)
+        balls = [name for name in labels if "ball" in name.lower()]
+        if balls or len(labels) == 1:
+            found.propose("identify", found.path, *(["--marker", balls[0]] if balls else []))
+    else:
+        track = BodyTrack.from_trc(found.path)
+        lines = read_text(found.path, found.path, LARGEST_FILE, FaultyFile).splitlines()
+        unit = dict(zip(lines[1].split(), lines[2].split(), strict=False))["Units"]
+    found.add("markers", ", ".join(track.markers))
+    found.add("unit in the file", unit)
+    _add_times(found, "frames", track.times)
+    for name, frames in track.gaps.items():
+        first, last = track.times[[frames[0], frames[-1]]]
+        found.add(f"gaps of {name}", len(frames), f"frames, {first:.4g} to {last:.4g} s")
+    _name_fit(found, f"from_{ending[1:]}", "markers")
+    if len(track) < 2:
+        return
+    speeds = np.linalg.norm(np.gradient(track.positions, track.times, axis=0), axis=2)
+    ball = np.array(["ball" in name.lower() for name in track.markers], dtype=bool)
+    for what, among in (("of the body", ~ball), ("of the ball", ball)):
+        some = np.where(among & np.isfinite(speeds), speeds, -1.0)
+        frame, marker = np.unravel_index(np.argmax(some), some.shape)
+        if some[frame, marker] >= 0.0:
+            speed = f"{some[frame, marker]:.4g} m/s at {track.times[frame]:.4g} s"
+            found.add(f"fastest marker {what}", f"{track.markers[marker]}, {speed}")
+
+
+def _check_angles(found: _Found) -> None:
+    track = BodyTrack.from_mot(found.path)
+    _add_times(found, "rows", track.times)
+    for name, values in track.angles.items():
+        slides = name.endswith(("_tx", "_ty", "_tz"))
+        known = values[np.isfinite(values)]
+        if known.size:
+            ends = np.array([known.min(), known.max()])
+            found.add(f"coordinate {name}", *(ends, "m") if slides else (np.degrees(ends), "deg"))
+        if known.size < values.size:
+            found.add(f"gaps of {name}", values.size - known.size, "rows")
+    _name_fit(found, "from_mot", "angles")
+
+
+def _name_fit(found: _Found, read: str, what: str) -> None:
+    call = f"kd.fit_motion(kd.BodyTrack.{read}({found.path!r}), leg, {what}={{...}})"
+    found.add("in Python", f"{call} is the motion of a leg")
+
+
+def _check_ball(found: _Found) -> None:
+    with Path(found.path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        header = [name.strip() for name in file.readline(LONGEST_HEADER).split(",")]
+    guessed = {axis: [name for name in header if _axis(name) == axis] for axis in "txyz"}
+    columns = [names[0] for names in guessed.values() if len(names) == 1]
+    usual = len(columns) < 4 or columns == [*"txyz"]
+    track = Track.from_csv(found.path) if usual else Track.from_csv(found.path, columns)
+    found.add("columns", "t, x, y, z" if usual else ", ".join(columns))
+    _add_times(found, "samples", track.times)
+    found.add("lowest corner", track.positions.min(axis=0), "m")
+    found.add("highest corner", track.positions.max(axis=0), "m")
+    found.rows += (("note", line, "") for line in track.warnings)
+    others = [f"{name} in {unit[1]}" for name in columns if (unit := OTHER_UNIT.search(name))]
+    if others:
+        raise InvalidInput(f"columns are {', '.join(others)}: times must be in s, positions in m")
+    split = segments(track, Ball())
+    bounded = split.friction is not None and split.friction.is_lower_bound  # says the last line
+    doubts = split.warnings[: -1 if bounded else None]
+    found.problems += (line for line in doubts if line not in track.warnings)
+    found.add("flights", len(split.flights))
+    if split.flights:
+        longest = max(split.flights, key=lambda flight: flight.duration)
+        found.add("longest flight", longest.duration, f"s, from {longest.times[0]:.4g} s")
+    words = [] if usual else ["--columns", ",".join(columns)]
+    found.propose("identify", found.path, *words, "--plot", "flight.png")
+
+
+def _axis(name: str) -> str:
+    """Return which of t, x, y and z the name of a column means, without units; or nothing."""
+    words = set(re.findall("[a-z]+", name.lower())) - NO_AXES
+    word = words.pop() if len(words) == 1 else ""
+    return "t" if word in ("time", "times", "timestamp") else word
+
+
+def _add_times(found: _Found, what: str, times: Array) -> None:
+    """Add number, duration and rate of samples, and the times without any."""
+    found.add(what, len(times))
+    found.add("duration", float(times[-1] - times[0]), "s")
+    if len(times) < 2:
+        return
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    found.add("rate", 1.0 / usual, "Hz")
+    gaps = np.flatnonzero(steps > GAP * usual)
+    if gaps.size:
+        largest = gaps[np.argmax(steps[gaps])]
+        found.add(
+            "gaps in time",
+            gaps.size,
+            f"the longest {steps[largest]:.4g} s, from {times[largest]:.4g} s",
+        )
+
+
+def _check_toml(found: _Found) -> None:
+    if "joints" in read_toml(found.path):
+        found.kind = "drives"
+        for joint, drive in load_drives(found.path).items():
+            found.add(joint, drive.reflected_inertia, "kg m2 at the joint")
+        found.add("next", f"--drives {found.path} beside --leg gives them to a robot")
+        return
+    found.rows += load_scene(found.path)._rows()
+    found.propose("simulate", found.path)
+    found.propose("view", found.path, "--out", "kick.html")
+
+
+ROBOT, MARKERS = ("robot", _check_robot), ("markers", _check_markers)
+ANGLES = ("joint angles", _check_angles)
+READERS: dict[str, tuple[str, Callable[[_Found], None]]] = {
+    ".urdf": ROBOT, ".xacro": ROBOT, ".xml": ROBOT, ".mjcf": ROBOT,
+    ".c3d": MARKERS, ".trc": MARKERS, ".mot": ANGLES, ".sto": ANGLES,
+    ".csv": ("ball track", _check_ball), ".toml": ("scene", _check_toml),
+}  # fmt: skip
+"""What a file has, and the function that checks it, by the ending of its name."""

@@ -192,7 +192,8 @@ def _refuse_type(name: str, value: object, kinds: tuple[type, ...]) -> NoReturn:
     shown = brief(value)
     if "\n" in shown:  # a table
         shown = f"of the type {type(value).__name__}"
-    raise InvalidInput(f"{name} is {shown}: it must be {valid}")
+    makers = [kind.MADE_BY for kind in kinds if hasattr(kind, "MADE_BY")]
+    raise InvalidInput("; ".join([f"{name} is {shown}: it must be {valid}", *makers]))
 
 
 def flag(name: str, value: object) -> bool:

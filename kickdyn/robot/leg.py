@@ -25,7 +25,7 @@ from kickdyn.robot.constraints import (
 from kickdyn.robot.drives import catalogued_drives
 from kickdyn.robot.human_body import human_leg
 from kickdyn.robot.joint_space import JointSpace
-from kickdyn.robot.joint_table import InDegrees
+from kickdyn.robot.joint_table import DEGREES, InDegrees, look_like_degrees
 from kickdyn.robot.leg_model import Drives, LegModel
 from kickdyn.robot.mjcf_file import is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
@@ -55,7 +55,7 @@ MAX_SHOWN_JOINTS = 8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel`
+class Leg(LegModel, ReprMixin):
     r"""A leg, or a whole robot, with the frame that touches the ball.
 
     A leg does not change: `locked`, `with_drives`, `with_supports` and the like return another
@@ -322,7 +322,7 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
         Args:
             q: shape `(nq,)`, or short, as for `check_configuration` [rad; m if prismatic].
         """
-        workspace, q = self.workspace, self.check_configuration(q)
+        given, workspace, q = q, self.workspace, self.check_configuration(q)
         model, data = workspace.model, workspace.data
         pin.forwardKinematics(model, data, q)
         placement = pin.updateFramePlacement(model, data, self.frame_id)
@@ -356,6 +356,8 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
             origin,
             frame_jacobian,
         )
+        if self._short_form is not None and look_like_degrees(self, np.asarray(given)):
+            posture._doubts = (DEGREES,)  # q itself has no turns of continuous joints
         if self.constraints is not None:
             self.constraints.check_closed(model, data, posture)
             rows, blocks = self.constraints.rows(model, data, q)
@@ -459,6 +461,7 @@ class Posture(JointSpace, ReprMixin):
     _frame_origin: Array
     _frame_jacobian: Array
     contact_offset: Array | None = None
+    _doubts: tuple[str, ...] = ()
     _whitened: Array | None = field(default=None, init=False)
 
     def with_contact_offset(self, offset: ArrayLike | None) -> "Posture":
@@ -498,7 +501,8 @@ class Posture(JointSpace, ReprMixin):
     @property
     def warnings(self) -> tuple[str, ...]:
         """A line for each open loop of the leg and for each joint outside its range."""
-        return (*self.leg.open_loops, *self.leg.outside_range(self.q))
+        outside = [*self.leg.outside_range(self.q), *self._doubts]
+        return (*self.leg.open_loops, *dict.fromkeys(outside))
 
     def delassus_factor(self) -> Array:
         r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].

@@ -227,7 +227,7 @@ class BodyTrack(ReprMixin):
         places = [*range(len(columns))] if is_packed else [k // 3 for k in columns]
         begin = 4 if lines[4].strip()[:1].isdigit() else 5
         width = 2 + 3 * (1 + places[-1])
-        table = _table(source, lines, begin, width, 1, may_be_wider=not is_packed)
+        table = _table(source, lines, begin, width, 1, is_ragged=not is_packed)
         points = units[0] * with_gaps(table[:, 2:].reshape(len(table), -1, 3))
         return cls(table[:, 1], [cells[k] for k in columns], _with_z_up(points[:, places], axis))
 
@@ -258,7 +258,7 @@ class BodyTrack(ReprMixin):
         if "".join(names[:1]).lower() != "time":
             raise FaultyFile(source, [f"line {end + 1} must name the columns, time first"])
         table = _table(source, lines, end + 1, len(names), 0)
-        said = [line.partition("=")[2] for line in header if line.startswith("indegrees=")]
+        said = [line[9:].lstrip("=:") for line in header if line.startswith("indegrees")]
         if not set(said) <= {"yes", "no"}:
             raise FaultyFile(source, [f"inDegrees is {said[0]!r}: it must be yes or no"])
         notes = ("simmmotionfileheader", "degrees")
@@ -321,7 +321,7 @@ def _with_z_up(positions: Array, up: Up) -> Array:
 
 def _split(line: str) -> list[str]:
     """Return the cells of a line: between tabs, or between blanks where it has no tab."""
-    return line.rstrip().split("\t") if "\t" in line.strip() else line.split()
+    return line.split("\t") if "\t" in line.strip() else line.split()
 
 
 def _table(
@@ -331,12 +331,13 @@ def _table(
     width: int,
     time: int,
     *,
-    may_be_wider: bool = False,
+    is_ragged: bool = False,
 ) -> Array:
     """Return the numbers of lines of text, shape `(n, width)`; empty cells are NaN.
 
     `begin` is the first of these lines, and `time` the column of the times. Only between tabs can
-    cells be empty. Further cells are refused, or, where lines may be wider, left out.
+    cells be empty. Lines with more or fewer cells are refused; in a ragged table, more are left
+    out, and fewer are empty at the end.
     """
     rows, numbers = [], []
     for number, line in enumerate(lines[begin:], start=begin + 1):
@@ -345,7 +346,9 @@ def _table(
         cells = _split(line)
         mixed = "\t" not in line.strip() or any(len(cell.split()) > 1 for cell in cells)
         cells = line.split() if mixed else cells
-        if (len(cells) < width and mixed) or (len(cells) > width and not may_be_wider):
+        while len(cells) > width and not cells[-1].strip():
+            cells.pop()
+        if len(cells) != width and (mixed or not is_ragged):
             fault = f"line {number} has {len(cells)} cells: by the names of the columns, it must"
             raise FaultyFile(source, [f"{fault} have {width}, separated by tabs"])
         cells = cells[:width] + [""] * (width - len(cells))
@@ -360,5 +363,5 @@ def _table(
     table = np.array(rows)
     late = np.flatnonzero(~(np.diff(table[:, time], prepend=-math.inf) > 0.0))
     if late.size:
-        raise FaultyFile(source, [f"times must increase, about line {numbers[int(late[0])]}"])
+        raise FaultyFile(source, [f"times must increase, at line {numbers[int(late[0])]}"])
     return table

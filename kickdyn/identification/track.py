@@ -269,11 +269,15 @@ def _read_rows(lines: Sequence[str], names: Sequence[str]) -> tuple[Array, list[
     )
     first, separator, header, columns = next(headers, (0, None, [], []))
     if not columns:
-        shown = max((_cells("".join(lines[:1]), mark) for mark in SEPARATORS), key=len)
+        top = lines[:MOST_TITLES]
+        rows = [_cells(line, mark) for line in top for mark in SEPARATORS]
+        shown = next(
+            (row for row in rows if len(row) >= len(names)), max(rows, key=len, default=[])
+        )
         raise InvalidInput(
-            f"its first row is {validation.brief(shown)}: separated by commas, semicolons or tabs, "
-            f"a row must name {', '.join(map(repr, names))} once each; `columns` (--columns) says "
-            "which are time, x, y and z"
+            f"{validation.brief(shown)} does not name the columns: between commas, semicolons, "
+            f"tabs or blanks, a row must name {', '.join(map(repr, names))} once each, alone or "
+            "with a unit (s, ms; mm, cm, m, in); `columns` (--columns) says which are time, x, y, z"
         )
     units, values, marks = [unit for _, unit in columns], list[list[float]](), set[str]()
     for number, line in enumerate(lines[first:], start=first + 1):

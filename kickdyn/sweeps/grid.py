@@ -181,7 +181,11 @@ def check_size(shape: tuple[int, ...], largest: int) -> None:
 
 def _of_rows(leg: Leg, postures: object) -> str:
     """Return how n configurations in rows, `(n, nq)`, are swept; empty for anything else."""
-    shape, names = np.shape(postures) if isinstance(postures, np.ndarray) else (), leg.single_joints
+    names = leg.single_joints
+    try:
+        shape = validation.floats("postures", postures).shape  # type: ignore[arg-type]
+    except InvalidInput:
+        shape = ()
     if shape[1:] != (len(names),) or leg.nq != len(names) or leg.mimics:
         return ""
     columns = [f"{name!r}: rows[:, {k}]" for k, name in enumerate(names)]

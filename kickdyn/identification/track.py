@@ -77,6 +77,9 @@ COMMENTS = ("#", "%")
 MISSING = {"", "na", "n/a", "nan", "null", "none", "-"}
 """What stands for a value that is missing, in lower case."""
 
+MOST_LETTERS = 100
+"""Letters of a name with its unit: a pattern takes long for thousands of blanks."""
+
 MOST_TITLES = 50
 """Lines among which the names of the columns are sought."""
 
@@ -349,7 +352,7 @@ def _find_columns(header: Sequence[str], names: Sequence[str]) -> list[tuple[int
 
 def _name_and_unit(cell: str, units: Mapping[str, float]) -> tuple[str, float]:
     """Return the name of a column in lower case, and its unit, 1 where none of the units is."""
-    match = UNIT.fullmatch(cell)
+    match = UNIT.fullmatch(cell[:MOST_LETTERS])
     unit = (match[2] or match[4]).lower() if match else ""
     if match is None or unit not in units:
         return cell.casefold(), 1.0

@@ -14,8 +14,8 @@ from kickdyn.errors import InvalidInput
 SMALLEST = float(np.finfo(float).tiny)
 """Below it a float64 has fewer digits."""
 
-LARGEST_MASS, LARGEST_RADIUS = 100.0, 2.0
-"""Mass [kg] and radius [m] of a ball from which a warning says that the units may be others."""
+LARGEST_MASS, LARGEST_RADIUS = 5.0, 0.5
+"""Mass [kg] and radius [m] of a ball above which a warning says that the units may be others."""
 
 PRESSURES = 2e3, 1e6
 """Least and largest gauge pressure of a ball [Pa]: a thirtieth of the least, and nine times the
@@ -99,7 +99,7 @@ class Ball(ReprMixin):
     @property
     def warnings(self) -> tuple[str, ...]:
         """A line if mass or radius fit no ball, but perhaps one in other units."""
-        if LARGEST_MASS <= self.mass < math.inf or self.radius >= LARGEST_RADIUS:
+        if LARGEST_MASS < self.mass < math.inf or self.radius > LARGEST_RADIUS:
             return (
                 f"the ball has {self.mass:g} kg and a radius of {self.radius:g} m: a soccer ball "
                 "has 0.43 kg and 0.11 m",

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
@@ -71,16 +72,14 @@ def test_stiffness_needs_a_pressure():
         kd.Ball().stiffness  # noqa: B018
 
 
-@pytest.mark.parametrize("values", [(430, 0.11), (100, 0.11), (0.43, 11), (0.43, 2.0)])
+@pytest.mark.parametrize("values", [(430, 0.11), (5.01, 0.11), (0.43, 11), (0.43, 0.501)])
 def test_a_ball_in_grams_or_centimetres_is_warned_of(values):
-    ball = kd.Ball(*values)
-    (line,) = ball.warnings
+    (line,) = kd.Ball(*values).warnings
     assert f"{values[0]:g} kg" in line
     assert f"{values[1]:g} m" in line
-    assert line in kd.fly(kd.BallState(velocity=(5, 0, 5)), ball).warnings
 
 
-@pytest.mark.parametrize("values", [(), (99.0, 1.9), (math.inf, 0.1)])
+@pytest.mark.parametrize("values", [(), (5.0, 0.5), (math.inf, 0.1)])
 def test_soccer_balls_and_obstacles_are_not_warned_of(values):
     assert kd.Ball(*values).warnings == ()
 
@@ -88,13 +87,33 @@ def test_soccer_balls_and_obstacles_are_not_warned_of(values):
 LAUNCH = kd.BallState(velocity=(5.0, 0.0, 5.0))
 LEG, CONTACT = kd.Leg.human(), kd.Contact((1, 0, 0.3), 0.8)
 KICK = LEG.posture((0.1, 0.2, 0.3)), LEG.posture((0.1, 0.2, 0.3)).joint_velocity((3, 0, 1))
+ROWS = [[KICK[0].q], [KICK[1]]]
+LAUNCHES = kd.BallState(velocity=[(5, 0, 5)])
+ALSO_FOR_OBSTACLES = {
+    "strike": lambda ball: kd.strike(*KICK, ball, CONTACT),
+    "strike_many": lambda ball: kd.strike_many(LEG, *ROWS, ball, CONTACT)}  # fmt: skip
 NOT_FOR_OBSTACLES = {"fly": lambda ball: kd.fly(LAUNCH, ball),
-    "fly_many": lambda ball: kd.fly_many(kd.BallState(velocity=[(5, 0, 5)]), ball),
+    "fly_many": lambda ball: kd.fly_many(LAUNCHES, ball),
     "follow": lambda ball: kd.follow(LAUNCH, ball),
-    "plan_kick": lambda ball: kd.plan_kick(LEG, kd.Goal(20.0, time=1.5), ball),
-    "Kick": lambda ball: kd.Kick(speed=3.0, ball=ball),
-    "Scene": lambda ball: kd.Scene(*KICK, ball, CONTACT),
-    "collide": lambda ball: kd.collide(*KICK, ball, CONTACT)}  # fmt: skip
+    "follow_many": lambda ball: kd.follow_many(LAUNCHES, ball),
+    "plan_kick": lambda ball: kd.plan_kick(LEG, kd.Goal(3.0, time=0.7), ball),
+    "sweep": lambda ball: kd.sweep(LEG, {"hip": [0.1]}, kd.Kick(speed=3.0, ball=ball)),
+    "reach": lambda ball: kd.reach(LEG, ball, elevations=30.0, tolerance=0.5),
+    "simulate": lambda ball: kd.simulate(kd.Scene(*KICK, ball, CONTACT)),
+    "collide": lambda ball: kd.collide(*KICK, ball, CONTACT),
+    "collide_many": lambda ball: kd.collide_many(LEG, *ROWS, ball, CONTACT),
+    "infer_impact": lambda ball: kd.infer_impact(*KICK, ball, kd.BallState(), LAUNCH),
+    "segments": lambda ball: kd.segments(kd.Track(np.arange(9) / 50, np.ones((9, 3))), ball),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("call", (ALSO_FOR_OBSTACLES | NOT_FOR_OBSTACLES).values(),
+                         ids=ALSO_FOR_OBSTACLES | NOT_FOR_OBSTACLES)  # fmt: skip
+def test_every_result_warns_of_a_ball_in_other_units(call):
+    ball = kd.Ball(5.5, 0.1)
+    result = call(ball)
+    said = result.attrs["warnings"] if isinstance(result, xr.Dataset) else result.warnings
+    assert ball.warnings[0] in said
 
 
 @pytest.mark.parametrize("call", NOT_FOR_OBSTACLES.values(), ids=NOT_FOR_OBSTACLES)

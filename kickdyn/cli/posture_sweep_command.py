@@ -150,7 +150,7 @@ def posture_sweep(
         speed=foot.speed, attack=foot.angle, restitution=read_restitution(contact.restitution),
         friction=contact.friction, law=law, ball=ball.load(), air=air.load(),
     )  # fmt: skip
-    warn(range_warnings(kick.contact.restitution, kick.speed))
+    warn((*kick.ball.warnings, *range_warnings(kick.contact.restitution, kick.speed)))
     robot = leg.load()
     if not joints and leg.leg_name in SHIPPED:
         joints = tuple(axis for axis in KICKING if axis.partition("=")[0] in robot.joint_names)

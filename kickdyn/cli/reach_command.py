@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import click
 
-from kickdyn.cli.command import Command, busy, print_wrapped
+from kickdyn.cli.command import Command, busy, print_wrapped, warn
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
@@ -70,6 +70,7 @@ def reach(
             ball_position=height_of_ball(robot, struck, contact.offset), motion=output.motion,
             tolerance=output.tolerance, file=output.out, progress=show,
         )  # fmt: skip
+    warn(table.warnings)
     output.write_json(table.to_json())
     if output.prints:
         limits = "whole motions" if table.motion else "the impact alone: upper bounds"

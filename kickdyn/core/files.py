@@ -39,9 +39,13 @@ def check_file(
     """Raise `error`, which calls the file `source`, unless it is regular and of `most` bytes."""
     try:
         status = os.stat(path)  # noqa: PTH116 a path of any kind
-    except FileNotFoundError:
-        raise error(source, ["there is no such file"]) from None
     except (OSError, ValueError) as fault:  # ValueError: a NUL in the name
+        name = os.fsdecode(path)
+        if "\n" in name or name.lstrip().startswith("<"):
+            hint = "this is the text of a file: save it, and give the name of the file"
+            raise error(source, [hint]) from None
+        if isinstance(fault, FileNotFoundError):
+            raise error(source, ["there is no such file"]) from None
         raise error(source, [f"cannot be read ({_reason(fault)})"]) from None
     if not stat.S_ISREG(status.st_mode):  # a FIFO would block for ever, /dev/zero never end
         raise error(source, ["is not a regular file"])

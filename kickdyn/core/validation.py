@@ -149,8 +149,8 @@ def check_type(*kinds: type, **values: object) -> None:
 def check_arguments(function: Callable[P, Result]) -> Callable[P, Result]:
     """Return a function that raises `InvalidInput` where an argument is not of its annotated type.
 
-    It checks annotations of classes, such as `Air | None`, `bool` and `str`. Numbers and what
-    becomes an array are left to the function, which converts them.
+    It checks annotations of classes, such as `Air | None`, `bool` and `str`. Numbers, mappings and
+    what becomes an array are left to the function, which converts them.
     """
     names = list(inspect.signature(function).parameters)
     expected: dict[str, tuple[type, ...]] = {}
@@ -175,7 +175,7 @@ def _classes(hint: object) -> tuple[type, ...]:
     """Return the classes of a type annotation, `object` where values are converted to it."""
     hints = get_args(hint) if isinstance(hint, UnionType) else (hint,)
     kinds = [get_origin(member) or member for member in hints]
-    converted = (int, float, Any, ArrayLike)
+    converted = (int, float, Any, ArrayLike, Mapping)
     if any(kind in converted or not isinstance(kind, type) for kind in kinds):
         return (object,)
     return (*kinds, np.bool_) if bool in kinds else tuple(kinds)
@@ -192,7 +192,8 @@ def _refuse_type(name: str, value: object, kinds: tuple[type, ...]) -> NoReturn:
     shown = brief(value)
     if "\n" in shown:  # a table
         shown = f"of the type {type(value).__name__}"
-    raise InvalidInput(f"{name} is {shown}: it must be {valid}")
+    makers = [kind.MADE_BY for kind in kinds if hasattr(kind, "MADE_BY")]
+    raise InvalidInput("; ".join([f"{name} is {shown}: it must be {valid}", *makers]))
 
 
 def flag(name: str, value: object) -> bool:

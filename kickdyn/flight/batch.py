@@ -138,6 +138,7 @@ def fly_many(
         "source": f"kickdyn {__version__}",
         "ball_mass_kg": ball.mass,
         "ball_radius_m": ball.radius,
+        "warnings": "; ".join(ball.warnings),
         "air": "none" if air is None else repr(air),
         "ground": "height of each launch" if ground is None else f"{ground.height:g} m",
         "tol": tol,

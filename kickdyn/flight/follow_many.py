@@ -269,5 +269,9 @@ class _Balls:
             "flag_meanings": " ".join(names),
         }
         data["status"] = ("flight", self.status, flags)
-        attributes = {"title": "courses of a ball", "source": f"kickdyn {__version__}"}
+        attributes = {
+            "title": "courses of a ball",
+            "source": f"kickdyn {__version__}",
+            "warnings": "; ".join(self.ball.warnings),
+        }
         return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)

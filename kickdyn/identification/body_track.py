@@ -1,6 +1,7 @@
 """`BodyTrack`: measured markers of a body, or its joint angles, over time, and their files."""
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -27,6 +28,10 @@ CENTRE_STEPS = 10
 
 CENTRE_MISFIT = 0.05
 """Largest accepted distance of a marker from the surface of the ball, over its radius."""
+
+
+TRANSLATION = re.compile(r"_t[xyz](/value|/speed)?$", re.IGNORECASE)
+"""End of the name of a coordinate that is a length."""
 
 
 class Up(StrEnum):
@@ -192,6 +197,7 @@ class BodyTrack(ReprMixin):
         """Read all markers of a TRC file, as OpenSim, Pose2Sim and OpenCap write it.
 
         Empty cells and nan are gaps. Positions are converted to metres by the unit in the file.
+        Markers without a name are left out.
 
         Args:
             file: the file, text up to 64 MB.
@@ -203,16 +209,27 @@ class BodyTrack(ReprMixin):
         """
         axis, source = validation.choice("up", up, Up), str(file)
         lines = read_text(file, source, LARGEST_FILE, FaultyFile).splitlines()
-        if len(lines) < 6 or not lines[0].startswith("PathFileType"):
+        if not "".join(lines[:1]).lower().startswith("pathfiletype"):
             raise FaultyFile(source, ["is not a TRC file: its first word must be PathFileType"])
-        header = dict(zip(lines[1].split(), lines[2].split(), strict=False))
-        unit = header.get("Units", "").lower()
-        if unit not in METRES:
-            raise FaultyFile(source, [f"its unit is {unit!r}: it must be {', '.join(METRES)}"])
-        names = [name.strip() for name in lines[3].split("\t")[2:] if name.strip()]
-        table = _table(source, lines[5:], "\t", 2 + 3 * len(names), first_line=6)
-        points = METRES[unit] * with_gaps(table[:, 2:].reshape(len(table), -1, 3))
-        return cls(table[:, 1], names, _with_z_up(points, axis))
+        if len(lines) < 5:
+            raise FaultyFile(source, [f"ends after {len(lines)} lines, before its first frame"])
+        units = [METRES[word] for word in lines[2].lower().split() if word in METRES]
+        if not units:
+            fault = f"line 3 is {validation.brief(lines[2].split())}: one of these must be the unit"
+            raise FaultyFile(source, [f"{fault}, {', '.join(METRES)}"])
+        cells = [name.strip() for name in _split(lines[3])[2:]]
+        columns = [k for k, name in enumerate(cells) if name]
+        if not columns:
+            raise FaultyFile(
+                source, ["line 4 must name the markers, behind the frame and the time"]
+            )
+        is_packed = any(k % 3 for k in columns)  # without two empty cells behind each name
+        places = [*range(len(columns))] if is_packed else [k // 3 for k in columns]
+        begin = 4 if lines[4].strip()[:1].isdigit() else 5
+        width = 2 + 3 * (1 + places[-1])
+        table = _table(source, lines, begin, width, 1, is_ragged=not is_packed)
+        points = units[0] * with_gaps(table[:, 2:].reshape(len(table), -1, 3))
+        return cls(table[:, 1], [cells[k] for k in columns], _with_z_up(points[:, places], axis))
 
     @classmethod
     @validation.check_arguments
@@ -220,8 +237,8 @@ class BodyTrack(ReprMixin):
         """Read joint angles of a MOT file of OpenSim; angles in degrees become radians.
 
         A file with `inDegrees=yes`, a SIMM header or a note about degrees has degrees in all
-        columns except the translations, whose names end in `_tx`, `_ty` or `_tz`. Columns that
-        share their name are left out.
+        columns except the translations, whose names end in `_tx`, `_ty` or `_tz`, or in these
+        and `/value` or `/speed`. Columns that share their name are left out.
 
         Args:
             file: the file, text up to 64 MB.
@@ -232,22 +249,24 @@ class BodyTrack(ReprMixin):
         source = str(file)
         lines = read_text(file, source, LARGEST_FILE, FaultyFile).splitlines()
         ends = [i for i, line in enumerate(lines) if line.strip().lower() == "endheader"]
-        if not ends or ends[0] + 1 >= len(lines):
+        if not ends:
             raise FaultyFile(source, ["is not a MOT file: it must have a line endheader"])
-        end = ends[0]
-        header = ["".join(line.split()).lower() for line in lines[:end]]
-        names = lines[end + 1].split()
-        if not names or names[0] != "time":
-            raise FaultyFile(source, [f"line {end + 2} must name the columns, time first"])
-        table = _table(source, lines[end + 2 :], None, len(names), first_line=end + 3)
-        silent = not any(line.startswith("indegrees=") for line in header)
-        degrees = "indegrees=yes" in header or (
-            silent and any("simmmotionfileheader" in line or "degrees" in line for line in header)
+        header = ["".join(line.split()).lower() for line in lines[: ends[0]]]
+        below = [k for k, line in enumerate(lines) if k > ends[0] and line.strip()]
+        end = below[0] if below else ends[0] + 1
+        names = "".join(lines[end : end + 1]).split()
+        if "".join(names[:1]).lower() != "time":
+            raise FaultyFile(source, [f"line {end + 1} must name the columns, time first"])
+        table = _table(source, lines, end + 1, len(names), 0)
+        said = [line[9:].lstrip("=:") for line in header if line.startswith("indegrees")]
+        if not set(said) <= {"yes", "no"}:
+            raise FaultyFile(source, [f"inDegrees is {said[0]!r}: it must be yes or no"])
+        notes = ("simmmotionfileheader", "degrees")
+        degrees = "yes" in said or (
+            not said and any(note in line for line in header for note in notes)
         )
         angles = {
-            name: np.radians(column)
-            if degrees and not name.endswith(("_tx", "_ty", "_tz"))
-            else column
+            name: np.radians(column) if degrees and not TRANSLATION.search(name) else column
             for name, column in zip(names[1:], table.T[1:], strict=True)
             if names.count(name) == 1
         }
@@ -300,27 +319,49 @@ def _with_z_up(positions: Array, up: Up) -> Array:
     return positions if up is Up.Z else positions[..., [0, 2, 1]] * (1.0, -1.0, 1.0)
 
 
+def _split(line: str) -> list[str]:
+    """Return the cells of a line: between tabs, or between blanks where it has no tab."""
+    return line.split("\t") if "\t" in line.strip() else line.split()
+
+
 def _table(
-    source: str, lines: list[str], separator: str | None, width: int, first_line: int
+    source: str,
+    lines: list[str],
+    begin: int,
+    width: int,
+    time: int,
+    *,
+    is_ragged: bool = False,
 ) -> Array:
-    """Return the numbers of lines of text, shape `(n, width)`; empty cells are NaN."""
-    rows = []
-    for number, line in enumerate(lines, start=first_line):
+    """Return the numbers of lines of text, shape `(n, width)`; empty cells are NaN.
+
+    `begin` is the first of these lines, and `time` the column of the times. Only between tabs can
+    cells be empty. Lines with more or fewer cells are refused; in a ragged table, more are left
+    out, and fewer are empty at the end.
+    """
+    rows, numbers = [], []
+    for number, line in enumerate(lines[begin:], start=begin + 1):
         if not line.strip():
             continue
-        cells = line.rstrip("\r\n").split(separator)
+        cells = _split(line)
+        mixed = "\t" not in line.strip() or any(len(cell.split()) > 1 for cell in cells)
+        cells = line.split() if mixed else cells
+        while len(cells) > width and not cells[-1].strip():
+            cells.pop()
+        if len(cells) != width and (mixed or not is_ragged):
+            fault = f"line {number} has {len(cells)} cells: by the names of the columns, it must"
+            raise FaultyFile(source, [f"{fault} have {width}, separated by tabs"])
         cells = cells[:width] + [""] * (width - len(cells))
         try:
-            row = [float(cell) if cell.strip() else math.nan for cell in cells]
+            row = [float(cell.replace(",", ".")) if cell.strip() else math.nan for cell in cells]
         except ValueError:
             raise FaultyFile(source, [f"line {number} must be numbers"]) from None
         rows.append(row)
+        numbers.append(number)
     if not rows:
         raise FaultyFile(source, ["it has no row of numbers"])
     table = np.array(rows)
-    column = 1 if separator == "\t" else 0
-    late = np.flatnonzero(~(np.diff(table[:, column]) > 0.0))
-    if late.size or not np.isfinite(table[0, column]):
-        place = first_line + (int(late[0]) + 1 if late.size else 0)
-        raise FaultyFile(source, [f"times must increase, about line {place}"])
+    late = np.flatnonzero(~(np.diff(table[:, time], prepend=-math.inf) > 0.0))
+    if late.size:
+        raise FaultyFile(source, [f"times must increase, at line {numbers[int(late[0])]}"])
     return table

@@ -169,7 +169,7 @@ class InferredImpact(ReprMixin):
                 f"the contact point on the ball is {distance:.2g} m from the contact point of the "
                 "posture, where the leg takes the impulse"
             )
-        return (*lines, *self.posture.warnings)
+        return (*lines, *self.posture.warnings, *self.ball.warnings)
 
     def plot(self) -> Any:
         """Return a matplotlib Figure of the linear impulses in the joints, as `Impact.plot`.

@@ -29,7 +29,7 @@ def kick_table(kicks: Mapping[str, InferredImpact], *, latex: bool = False) -> A
     """
     from xarray import DataArray  # loaded when a table is asked for
 
-    if not kicks:
+    if not validation.mapping("kicks", kicks):
         raise InvalidInput("kicks is empty: it must have impacts by the name of the kick")
     for name, impact in kicks.items():
         validation.check_type(InferredImpact, **{f"kick {name}": impact})

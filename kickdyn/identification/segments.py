@@ -180,7 +180,7 @@ def segments(
     segments = _described(samples, pieces, level + ball.radius, gaps)
     restitution, friction = _at_bounces(segments, samples, ball)
     rolling_deceleration = _rolling_deceleration(samples, segments, ball, air)
-    warnings = [*doubts_of_track(track, fall)]
+    warnings = [*ball.warnings, *doubts_of_track(track, fall)]
     if not falling and any(segment.kind is SegmentKind.OTHER for segment in segments):
         warnings.append(
             "the ball never falls along z, which must point up: name the columns t,z,x,y if y "

@@ -5,6 +5,7 @@ import csv
 import io
 import math
 import os
+import re
 import struct
 import subprocess
 import sys
@@ -13,7 +14,7 @@ from dataclasses import dataclass, field
 from importlib.util import find_spec
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 from zipfile import BadZipFile
 
 import numpy as np
@@ -59,7 +60,28 @@ FASTEST_BALL = 60.0
 """Speed of a kicked ball [m/s] above which other units do not explain it either."""
 
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "inch": 0.0254}
-"""Units of C3D and TRC files [m]."""
+"""Units of lengths in files [m]."""
+
+UNITS = {"s": 1.0, "ms": 1e-3}, METRES, METRES, METRES
+"""Units of the four columns of a track [s, m]."""
+
+UNIT = re.compile(r"(.+?)\s*[\[(]\s*(\w+)\s*[\])]|(.+?)[_ ](mm?|m?s)", re.IGNORECASE)
+"""Name and unit of a column."""
+
+SEPARATORS = (",", ";", "\t", None)
+"""What stands between the columns of a file; None is blanks."""
+
+COMMENTS = ("#", "%")
+"""Beginnings of lines that are comments."""
+
+MISSING = {"", "na", "n/a", "nan", "null", "none", "-"}
+"""What stands for a value that is missing, in lower case."""
+
+MOST_LETTERS = 100
+"""Letters of a name with its unit: a pattern takes long for thousands of blanks."""
+
+MOST_TITLES = 50
+"""Lines among which the names of the columns are sought."""
 
 LEAST_SENTINEL = 999.0
 """Size from which three equal coordinates stand for a measurement that is missing."""
@@ -83,11 +105,12 @@ class Track(ValueEquality, ReprMixin):
     need not be constant: leave out the samples at which there is no measurement.
 
     Args:
-        times: times of the samples, shape `(n,)` [s], increasing.
+        times: times of the samples, shape `(n,)` [s], increasing; or a table, such as a
+            `pandas.DataFrame`, with columns t, x, y and z, which is read as by `from_csv`.
         positions: positions of the centre, shape `(n, 3)` [m, world frame: z up].
 
     Attributes:
-        warnings: a line for rows of a file that were taken for gaps.
+        warnings: a line for rows of a file or a table that were taken for gaps.
 
     Raises:
         InvalidInput: other shapes, no sample, an entry that is not finite, or times that do not
@@ -104,7 +127,16 @@ class Track(ValueEquality, ReprMixin):
     positions: Array
     warnings: tuple[str, ...] = field(default=(), compare=False)
 
-    def __init__(self, times: ArrayLike, positions: ArrayLike) -> None:
+    MADE_BY: ClassVar[str] = (
+        "kd.Track(table) makes one of a table with columns t, x, y, z, and kd.Track.from_csv reads "
+        "a file"
+    )
+    """How to make a track, for the message about an argument that is none."""
+
+    def __init__(self, times: Any, positions: ArrayLike | None = None) -> None:
+        warnings: tuple[str, ...] = ()
+        if positions is None:
+            times, positions, warnings = _without_gaps(*_rows_of_table(times))
         moments = _finite_rows("times", times)
         points = _finite_rows("positions", positions)
         if moments.ndim != 1 or not moments.size or points.shape != (moments.size, 3):
@@ -121,7 +153,7 @@ class Track(ValueEquality, ReprMixin):
             )
         vars(self).update(
             times=validation.read_only(moments), positions=validation.read_only(points),
-            warnings=(),
+            warnings=warnings,
         )  # fmt: skip
 
     def _rows(self) -> Iterable[Row]:
@@ -160,7 +192,12 @@ class Track(ValueEquality, ReprMixin):
     def from_csv(
         cls, file: str | PathLike[str], columns: Sequence[str] = ("t", "x", "y", "z")
     ) -> "Track":
-        """Read a track from a file of comma-separated values whose first row names the columns.
+        """Read a track from a file of values in columns, below a row that names the columns.
+
+        Commas, semicolons, tabs or blanks stand between the values. Decimals may have a comma where
+        no comma stands between values. Titles above the names and lines that begin with # are left
+        out. Units are read behind the names, as in `t [ms]`, `x (cm)` and `y_mm`, or in a row of
+        units below them.
 
         Rows in which one of the four values is empty, missing or nan are gaps and are left out. So
         are rows of 0, 0, 0, or of three other equal numbers from 999 on such as -9999, if no ball
@@ -168,7 +205,8 @@ class Track(ValueEquality, ReprMixin):
 
         Args:
             file: the file, UTF-8 text, up to 64 MB.
-            columns: names of the columns with the time [s] and the three coordinates [m].
+            columns: names of the columns with the time [s] and the three coordinates [m], in upper
+                or lower case.
 
         Raises:
             FaultyFile: the file cannot be read, a column is missing, a value is not a number, or
@@ -181,60 +219,13 @@ class Track(ValueEquality, ReprMixin):
                 f"columns is {validation.brief(columns)}: it must name four columns, for "
                 "time, x, y and z"
             )
-        rows = csv.reader(read_text(file, source, LARGEST_FILE, FaultyFile).splitlines())
-        header = [name.strip() for name in next(rows, [])]
-        if any(header.count(name) != 1 for name in names):
-            fault = (
-                f"its first row is {validation.brief(header)}: separated by commas, it must name "
-                f"{', '.join(map(repr, names))} once each; `columns` (--columns) says which are "
-                "time, x, y and z"
-            )
-            raise FaultyFile(source, [fault])
-        where = [header.index(name) for name in names]
-        values: list[list[float]] = []
-        for number, row in enumerate(rows, start=2):
-            cells = [row[i].strip() if i < len(row) else "" for i in where]
-            if "" in cells:
-                continue
-            try:
-                numbers = [float(cell) for cell in cells]
-            except ValueError:
-                numbers = [math.inf]
-            if any(map(math.isnan, numbers)):
-                continue
-            fault = ""
-            if len(row) > len(header) and any(row[len(header) :]):
-                fault = (
-                    f"row {number} has {len(row)} cells and the first row {len(header)}: all rows "
-                    "must have the same number; write decimals with a point"
-                )
-            elif not all(abs(value) <= LARGEST for value in numbers):
-                fault = (
-                    f"row {number} has {validation.brief(cells)}: all must be finite numbers up to "
-                    f"{LARGEST:g}"
-                )
-            elif values and numbers[0] <= values[-1][0]:
-                fault = (
-                    f"row {number} has the time {numbers[0]:.10g} s after {values[-1][0]:.10g} s: "
-                    "times must increase"
-                )
-            if fault:
-                raise FaultyFile(source, [fault])
-            values.append(numbers)
-        if not values:
-            raise FaultyFile(source, ["it has no row of numbers below the names of the columns"])
-        table = np.array(values)
-        missing = _missing(table[:, 1:])
-        missing &= ~_within_reach(table[:, 0], table[:, 1:], missing)
-        if missing.all():
-            raise FaultyFile(source, ["all its rows are gaps, of one number for x, y and z"])
-        track = cls(table[~missing, 0], table[~missing, 1:])
-        if missing.any():
-            times = table[missing, 0]
-            vars(track)["warnings"] = (
-                f"{times.size} rows of {table[missing, 1][0]:g} for x, y and z are gaps, "
-                f"{times[0]:.10g} to {times[-1]:.10g} s",
-            )
+        lines = read_text(file, source, LARGEST_FILE, FaultyFile).splitlines()
+        try:
+            times, positions, warnings = _without_gaps(*_read_rows(lines, names))
+        except InvalidInput as error:
+            raise FaultyFile(source, error.faults) from None
+        track = cls(times, positions)
+        vars(track)["warnings"] = warnings
         return track
 
     @classmethod
@@ -269,6 +260,145 @@ class Track(ValueEquality, ReprMixin):
         if not seen.any():
             raise FaultyFile(source, [f"the marker {labels[number]!r} is not seen in any frame"])
         return cls((first_frame + np.flatnonzero(seen)) / rate, path[seen])
+
+
+def _read_rows(lines: Sequence[str], names: Sequence[str]) -> tuple[Array, list[float]]:
+    """Return times and positions below the row that names their columns, `(n, 4)`, and units."""
+    headers = (
+        (number, separator, header, found)
+        for number, line in enumerate(lines[:MOST_TITLES], start=1)
+        for separator in SEPARATORS
+        if (found := _find_columns(header := _cells(line.lstrip("#% "), separator), names))
+    )
+    first, separator, header, columns = next(headers, (0, None, [], []))
+    if not columns:
+        top = lines[:MOST_TITLES]
+        rows = [_cells(line, mark) for line in top for mark in SEPARATORS]
+        shown = next(
+            (row for row in rows if len(row) >= len(names)), max(rows, key=len, default=[])
+        )
+        raise InvalidInput(
+            f"{validation.brief(shown)} does not name the columns: between commas, semicolons, "
+            f"tabs or blanks, a row must name {', '.join(map(repr, names))} once each, alone or "
+            "with a unit (s, ms; mm, cm, m, in); `columns` (--columns) says which are time, x, y, z"
+        )
+    units, values, marks = [unit for _, unit in columns], list[list[float]](), set[str]()
+    for number, line in enumerate(lines[first:], start=first + 1):
+        row = _cells(line, separator)
+        cells = [row[place] if place < len(row) else "" for place, _ in columns]
+        if (row and row[0].startswith(COMMENTS)) or any(x.lower() in MISSING for x in cells):
+            continue
+        if number == first + 1:
+            given = [
+                known.get(x.strip("[]()").lower()) for x, known in zip(cells, UNITS, strict=True)
+            ]
+            if None not in given:
+                units = [unit or 1.0 for unit in given]
+                continue
+        if separator != ",":
+            marks |= {mark for mark in ",." if mark in "".join(cells)}
+        try:
+            numbers = [float(x.replace(",", ".")) for x in cells]
+        except ValueError:
+            numbers = [math.inf]
+        fault = ""
+        if len(row) > len(header) and any(row[len(header) :]):
+            fault = (
+                f"{len(row)} cells and the row of names {len(header)}: all rows must have the same "
+                "number; write decimals with a point"
+            )
+        elif len(marks) > 1 or (separator == "," and any("," in x for x in cells)):
+            fault = f"{validation.brief(cells)}: write all decimals of the file with a point"
+        elif not all(abs(value) <= LARGEST for value in numbers):
+            fault = (
+                f"{validation.brief(cells)}: all must be finite numbers up to {LARGEST:g}, times "
+                "in seconds"
+            )
+        elif values and numbers[0] <= values[-1][0]:
+            fault = f"the time {numbers[0]:.10g} after {values[-1][0]:.10g}: times must increase"
+        if fault:
+            raise InvalidInput(f"row {number} has {fault}")
+        values.append(numbers)
+    if not values:
+        below = [row for line in lines[first:] if any(row := _cells(line, separator))]
+        hint = f": {validation.brief(below[0])} is not separated as the names are" if below else ""
+        raise InvalidInput(f"it has no row of numbers below the names of the columns{hint}")
+    return np.array(values), units
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    """Return the cells of a line, without blanks and quotation marks around them."""
+    if separator is None:
+        return line.split()
+    rows = csv.reader([line], delimiter=separator, skipinitialspace=True)
+    return [cell.strip() for cell in next(rows, [])]
+
+
+def _find_columns(header: Sequence[str], names: Sequence[str]) -> list[tuple[int, float]]:
+    """Return place and unit of the columns for t, x, y, z; none unless each is named once.
+
+    A name of another case is found, or with one of `UNITS`, if there is none that is the same.
+    """
+    found = []
+    for name, units in zip(names, UNITS, strict=True):
+        split = [_name_and_unit(cell, units) for cell in header]
+        places = [k for k, cell in enumerate(header) if cell == name]
+        places = places or [k for k, (bare, _) in enumerate(split) if bare == name.casefold()]
+        if len(places) != 1:
+            return []
+        found.append((places[0], split[places[0]][1]))
+    return found
+
+
+def _name_and_unit(cell: str, units: Mapping[str, float]) -> tuple[str, float]:
+    """Return the name of a column in lower case, and its unit, 1 where none of the units is."""
+    match = UNIT.fullmatch(cell[:MOST_LETTERS])
+    unit = (match[2] or match[4]).lower() if match else ""
+    if match is None or unit not in units:
+        return cell.casefold(), 1.0
+    return (match[1] or match[3]).casefold(), units[unit]
+
+
+def _rows_of_table(table: Any) -> tuple[Array, list[float]]:
+    """Return times and positions of a table with columns t, x, y, z, `(n, 4)`, and their units."""
+    labels = list(getattr(table, "columns", ()))
+    columns = _find_columns([str(label).strip() for label in labels], ("t", "x", "y", "z"))
+    if not columns:
+        has = f", and not {validation.brief(labels)}" if labels else ""
+        raise InvalidInput(
+            "positions is missing: kd.Track takes times and positions, or one table, such as a "
+            f"pandas.DataFrame, with columns t, x, y, z{has}; kd.Track.from_csv reads a file"
+        )
+    rows = []
+    for place, _ in columns:
+        values = np.asarray(table[labels[place]])
+        try:
+            if values.dtype.kind not in "fiuO":
+                raise TypeError
+            rows.append(values.astype(float))
+        except (TypeError, ValueError):
+            validation.floats(f"column {labels[place]}", values.tolist())
+            raise
+    return np.column_stack(rows), [unit for _, unit in columns]
+
+
+def _without_gaps(rows: Array, units: Sequence[float]) -> tuple[Array, Array, tuple[str, ...]]:
+    """Return times, positions and warnings of rows, `(n, 4)` [units, in s and m], without gaps."""
+    rows = rows[~np.isnan(rows).any(axis=1)]
+    if not rows.size:
+        raise InvalidInput("it has no row of four numbers")
+    missing, number = _missing(rows[:, 1:]), rows[:, 1]
+    times, positions = units[0] * rows[:, 0], units[1:] * rows[:, 1:]
+    missing &= ~_within_reach(times, positions, missing)
+    if missing.all():
+        raise InvalidInput("all its rows are gaps, of one number for x, y and z")
+    if not missing.any():
+        return times, positions, ()
+    line = (
+        f"{missing.sum()} rows of {number[missing][0]:g} for x, y and z are gaps, "
+        f"{times[missing][0]:.10g} to {times[missing][-1]:.10g} s"
+    )
+    return times[~missing], positions[~missing], (line,)
 
 
 def find_label(name: str, labels: Sequence[str], where: str) -> int:

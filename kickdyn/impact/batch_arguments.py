@@ -1,16 +1,19 @@
 """Arguments of functions that compute many impacts: rows of q and v, one object or n of them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
+from kickdyn.robot.joint_table import DEGREES, look_like_degrees
+from kickdyn.robot.leg import Leg
 
 
 def rows_of(
@@ -45,6 +48,15 @@ def one_or_many(name: str, value: Any, kind: type, n: int) -> list[Any]:
     for item in value:
         validation.check_type(kind, **{name: item})
     return list(value)
+
+
+def unit_warnings(leg: Leg, q: Array, balls: Iterable[Ball]) -> tuple[str, ...]:
+    """Return lines about balls and configurations, `(n, nq)`, that seem to be in other units."""
+    lines = dict.fromkeys(line for ball in balls for line in ball.warnings)
+    doubtful = np.flatnonzero(look_like_degrees(leg, q))
+    if doubtful.size:
+        lines[f"{doubtful.size} rows of q, the first {doubtful[0]}: {DEGREES}"] = None
+    return tuple(lines)
 
 
 def vector_rows(name: str, value: ArrayLike, n: int) -> Array:

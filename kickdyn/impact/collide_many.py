@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -15,7 +15,13 @@ from kickdyn.core.compilation import MachineCode, Source
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import AT_REST
-from kickdyn.impact.batch_arguments import contact_frames, one_or_many, rows_of, vector_rows
+from kickdyn.impact.batch_arguments import (
+    contact_frames,
+    one_or_many,
+    rows_of,
+    unit_warnings,
+    vector_rows,
+)
 from kickdyn.impact.collide import (
     CONTACT_TIME,
     checked_stiffness,
@@ -62,6 +68,7 @@ class Collisions:
         energy_residual: as `Collision.energy_residual`, shape `(n,)`.
         status: a `StrikeStatus` by its flag, shape `(n,)`: 0 the points stick at separation, 1 they
             slip, 2 no impact, 3 failed.
+        warnings: lines about balls and angles that seem to be in other units.
     """
 
     impulse: Array
@@ -76,6 +83,7 @@ class Collisions:
     energy_lost: Array
     energy_residual: Array
     status: NDArray[np.int8]
+    warnings: tuple[str, ...] = ()
 
     @property
     def ball_after(self) -> BallState:
@@ -189,7 +197,7 @@ def collide_many(
                  single.q_after, single.v_after, single.contact_time, single.deflection,
                  single.approach_speed, single.energy_lost, single.energy_residual,
                  status.flag)  # fmt: skip
-    return collisions
+    return replace(collisions, warnings=unit_warnings(leg, angles, balls))
 
 
 SECONDS_OF_COLLIDE = 0.025

@@ -23,6 +23,7 @@ from kickdyn.impact.batch_arguments import (
     contact_frames,
     one_or_many,
     rows_of,
+    unit_warnings,
     vector_rows,
 )
 from kickdyn.impact.laws import find_law, names_of_laws
@@ -94,6 +95,7 @@ class Impacts:
         status: a `StrikeStatus` by its flag, shape `(n,)`: 0 sticks, 1 slips, 2 no impact,
             3 failed.
         slopes: derivatives of the launches; None unless they were asked for.
+        warnings: lines about balls and angles that seem to be in other units.
     """
 
     impulse: Array
@@ -106,6 +108,7 @@ class Impacts:
     energy_lost: Array
     status: NDArray[np.int8]
     slopes: LaunchSlopes | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def ball_after(self) -> BallState:
@@ -175,10 +178,9 @@ def strike_many(
     velocity = vector_rows("ball velocity", ball_velocity, n)
     spin = vector_rows("ball spin", ball_spin, n)
     strikes = Strikes(leg, balls, ContactRows.of(contacts), velocity, spin)
-    impacts = strikes.compute(angles, speeds)
-    if not validation.flag("slopes", slopes):
-        return impacts
-    return replace(impacts, slopes=_slopes(strikes, angles, speeds))
+    derivatives = _slopes(strikes, angles, speeds) if validation.flag("slopes", slopes) else None
+    impacts, warnings = strikes.compute(angles, speeds), unit_warnings(leg, angles, balls)
+    return replace(impacts, slopes=derivatives, warnings=warnings)
 
 
 class Strikes:

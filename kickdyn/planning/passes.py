@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import Row
+from kickdyn.core.representation import Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course, follow
@@ -53,6 +53,7 @@ class Pass(PlannedLaunch):
         yield "time", self.time, "s"
         yield "aside", self.aside, "m"
         yield "bounces", len(self.course.bounces), ""
+        yield from warned(self.course.warnings)
 
     @property
     def iterations(self) -> int:

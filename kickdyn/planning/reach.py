@@ -18,7 +18,7 @@ from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.files import check_writable, read_text, replacing
 from kickdyn.core.mechanics import GRAVITY
-from kickdyn.core.representation import ReprMixin, Row
+from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import FaultyFile, InvalidInput
 from kickdyn.flight.follow import follow
@@ -82,11 +82,13 @@ class ReachTable(ReprMixin):
         robot: its name.
         motion: whether the limits are those of the motion, or of the impact only.
         rows: by azimuth, then by elevation.
+        warnings: lines about the ball.
     """
 
     robot: str
     motion: bool
     rows: tuple[ReachRow, ...]
+    warnings: tuple[str, ...] = ()
 
     def _rows(self) -> Iterable[Row]:
         yield "robot", self.robot, ""
@@ -94,6 +96,7 @@ class ReachTable(ReprMixin):
         for row in self.rows:
             text = f"{row.speed:.4g} m/s, {row.carpet:.3g} m on carpet, {row.turf:.3g} m on turf"
             yield f"{row.azimuth:g}, {row.elevation:g} deg", text, ""
+        yield from warned(self.warnings)
 
     def to_json(self) -> dict[str, object]:
         """Return the numbers, for JSON."""
@@ -169,6 +172,7 @@ def reach(
         >>> [round(row.speed) for row in table.rows]
         [26, 26]
     """
+    ball.check_movable("a launch")
     tolerance = validation.number("tolerance", tolerance, at_least=1e-3, at_most=0.5)
     sides, heights = _angles("azimuths", azimuths, 180.0), _angles("elevations", elevations, 80.0)
     validation.number("elevations", min(heights), at_least=0, unit="deg")
@@ -211,7 +215,8 @@ def reach(
         rows[place] = _with_distances(row, ball, air)
         if file is not None:
             _write(file, settings, rows.values())
-    return ReachTable(robot.name or "leg", motion, tuple(rows[place] for place in wanted))
+    found = tuple(rows[place] for place in wanted)
+    return ReachTable(robot.name or "leg", motion, found, ball.warnings)
 
 
 def _angles(name: str, values: ArrayLike, most: float) -> list[float]:

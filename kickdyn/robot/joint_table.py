@@ -21,8 +21,11 @@ MIMIC_TOLERANCE = 1e-9
 LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
 
-DEGREES_FACTOR = 10.0
-"""Angle, as a multiple of the farther end of the joint's range, that looks like degrees."""
+DEGREES = (
+    "every nonzero angle is beyond 2 pi and beyond the joint's range: these look like degrees, and "
+    "q is in radians"
+)
+"""Warning of angles that look like degrees."""
 
 
 class Mimic(NamedTuple):
@@ -263,18 +266,29 @@ class JointTable:
             if not low - scale * LIMIT_TOLERANCE <= value <= high + scale * LIMIT_TOLERANCE:
                 span = f"{low:.5g} to {high:.5g}"
                 lines.append(f"{name} at {value:.5g} {unit} is outside its range {span} {unit}")
-        if lines and self._look_like_degrees(q):
-            lines.append(
-                f"every nonzero angle exceeds {DEGREES_FACTOR:g} times its range: these look like "
-                "degrees, and q is in radians"
-            )
-        return lines
+        return [*lines, DEGREES] if look_like_degrees(self, self.check_configuration(q)) else lines
 
-    def _look_like_degrees(self, q: ArrayLike) -> bool:
-        sizes = {name: abs(x) for name, x in self.joint_values(q).items() if x}
-        reach = {name: max(map(abs, self.joint_range(name))) for name in sizes}
-        angles = [name for name in sizes if self.joint_unit(name) == "rad"]
-        return bool(angles) and all(sizes[a] > DEGREES_FACTOR * reach[a] for a in angles)
+    @cached_property
+    def angle_bounds(self) -> list[tuple[list[int], list[float]]]:
+        """Of q and of a short q: places of angles, and by which size they look like degrees.
+
+        In q, it is the sine of a continuous joint, which never does.
+        """
+        model, forms = self._model, list[tuple[list[int], list[float]]]()
+        short = list(range(model.nq)) if self._short_form is None else self._short_form[0].tolist()
+        mimicking = {mimic.joint for mimic in self.mimics}
+        for is_short in (False, True):
+            places, bounds = list[int](), list[float]()
+            for name in self.single_joints:
+                if self.joint_unit(name) == "m" or name in mimicking:
+                    continue
+                number = 1 + self.joint_names.index(name)
+                place, turns = model.idx_qs[number], model.nqs[number] == 2
+                places.append(short.index(place) if is_short else place + turns)
+                reach = max(map(abs, self.joint_range(name)))
+                bounds.append(max(math.tau, reach if reach < math.inf else 0.0))
+            forms.append((places, bounds))
+        return forms
 
     def too_fast(self, v: ArrayLike) -> list[str]:
         """Return a line for each joint of one degree of freedom that is faster than its limit.
@@ -360,6 +374,16 @@ class JointTable:
         turning = {name for name in values if self.joint_unit(name) == "rad"}
         checked = {name: validation.number(f"joint {name}", x) for name, x in values.items()}
         return {name: math.radians(x) if name in turning else x for name, x in checked.items()}
+
+
+def look_like_degrees(joints: JointTable, q: Array) -> NDArray[np.bool_]:
+    """Return whether angles of configurations, `(..., nq)`, seem to be in degrees, `(...)`.
+
+    A short q is taken, too, which alone has the angle of a continuous joint.
+    """
+    columns, bounds = joints.angle_bounds[q.shape[-1] != joints.nq]
+    sizes = np.abs(q[..., columns])
+    return np.asarray(((sizes > bounds) | (sizes == 0.0)).all(axis=-1) & sizes.any(axis=-1))
 
 
 def _limits(limits: Array) -> Array:

@@ -25,7 +25,7 @@ from kickdyn.robot.constraints import (
 from kickdyn.robot.drives import catalogued_drives
 from kickdyn.robot.human_body import human_leg
 from kickdyn.robot.joint_space import JointSpace
-from kickdyn.robot.joint_table import InDegrees
+from kickdyn.robot.joint_table import DEGREES, InDegrees, look_like_degrees
 from kickdyn.robot.leg_model import Drives, LegModel
 from kickdyn.robot.mjcf_file import is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
@@ -55,7 +55,7 @@ MAX_SHOWN_JOINTS = 8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel`
+class Leg(LegModel, ReprMixin):
     r"""A leg, or a whole robot, with the frame that touches the ball.
 
     A leg does not change: `locked`, `with_drives`, `with_supports` and the like return another
@@ -273,6 +273,7 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
             InvalidInput: no such robot, frame or base, the package is not installed, a download
                 fails, or a joint moves no mass (`romeo` with its fingers).
         """
+        locked = validation.mapping("locked", locked)
         if name not in ROBOTS:
             if legs_only:
                 raise InvalidInput(f"legs_only is for {', '.join(ROBOTS)}: for {name}, use locked=")
@@ -287,7 +288,7 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
             raise InvalidInput(f"facing is {facing!r}: {name} faces x already")
         (file, model), (frame, cone) = read_robot(name, base), ROBOTS[name].contact(frame)
         leg = cls(model, frame, file, contact_normal_cone=cone)
-        leg = leg._with_drives_of(drives, catalogued_drives(name)).locked(locked or {})
+        leg = leg._with_drives_of(drives, catalogued_drives(name)).locked(locked)
         prefixes = (*ROBOTS[name].legs, "root_joint")
         outside = [joint for joint in leg.joint_names if not joint.startswith(prefixes)]
         if legs_only and outside:
@@ -299,7 +300,7 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
         return leg
 
     @classmethod
-    def from_model(cls, model: Any, frame: str) -> "Leg":
+    def from_model(cls, model: Any, frame: str = "") -> "Leg":
         """Return the leg of a copy of a `pin.Model`, with its `armature`.
 
         Args:
@@ -322,7 +323,7 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
         Args:
             q: shape `(nq,)`, or short, as for `check_configuration` [rad; m if prismatic].
         """
-        workspace, q = self.workspace, self.check_configuration(q)
+        given, workspace, q = q, self.workspace, self.check_configuration(q)
         model, data = workspace.model, workspace.data
         pin.forwardKinematics(model, data, q)
         placement = pin.updateFramePlacement(model, data, self.frame_id)
@@ -356,6 +357,8 @@ class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel
             origin,
             frame_jacobian,
         )
+        if self._short_form is not None and look_like_degrees(self, np.asarray(given)):
+            posture._doubts = (DEGREES,)  # q itself has no turns of continuous joints
         if self.constraints is not None:
             self.constraints.check_closed(model, data, posture)
             rows, blocks = self.constraints.rows(model, data, q)
@@ -459,6 +462,7 @@ class Posture(JointSpace, ReprMixin):
     _frame_origin: Array
     _frame_jacobian: Array
     contact_offset: Array | None = None
+    _doubts: tuple[str, ...] = ()
     _whitened: Array | None = field(default=None, init=False)
 
     def with_contact_offset(self, offset: ArrayLike | None) -> "Posture":
@@ -498,7 +502,8 @@ class Posture(JointSpace, ReprMixin):
     @property
     def warnings(self) -> tuple[str, ...]:
         """A line for each open loop of the leg and for each joint outside its range."""
-        return (*self.leg.open_loops, *self.leg.outside_range(self.q))
+        outside = [*self.leg.outside_range(self.q), *self._doubts]
+        return (*self.leg.open_loops, *dict.fromkeys(outside))
 
     def delassus_factor(self) -> Array:
         r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].

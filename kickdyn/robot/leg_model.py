@@ -18,6 +18,7 @@ from kickdyn.robot.constraints import Constraints, Support
 from kickdyn.robot.drives import Drive, load_drives
 from kickdyn.robot.joint_table import JointTable
 from kickdyn.robot.model_validation import check_is_model, frame_id
+from kickdyn.robot.names import listed
 from kickdyn.robot.surgery import has_floating_base, reduce_model
 from kickdyn.robot.visuals import RobotFile
 from kickdyn.robot.workspace import Workspace
@@ -47,7 +48,7 @@ class LegModel(JointTable):
     """What a `Leg` is made of, and the legs that differ from it in one of these parts."""
 
     model: Any = _CopiedModel()
-    frame: str  # type: ignore[misc]  # the model has no default, though mypy sees one
+    frame: str = ""
     file: RobotFile | None = None
     supports: tuple[Support, ...] = ()
     loops: tuple[tuple[str, str], ...] = ()
@@ -60,6 +61,12 @@ class LegModel(JointTable):
 
     def __post_init__(self) -> None:
         validation.check_type(str, frame=self.frame)
+        if not self.frame:
+            moving = [frame.name for frame in self._model.frames if frame.parentJoint]
+            raise InvalidInput(
+                "no frame is named that touches the ball: kd.Leg.from_model(model, frame) takes "
+                f"one of {listed(list(dict.fromkeys(moving)))}"
+            )
         validation.check_type(RobotFile, type(None), file=self.file)
         for name in ("supports", "loops", "stiff_joints"):
             validation.check_type(tuple, **{name: getattr(self, name)})

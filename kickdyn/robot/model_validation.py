@@ -30,7 +30,10 @@ MAX_MAGNITUDE = 1e100
 def check_is_model(model: Any) -> None:
     """Raise `InvalidInput` unless this is a `pin.Model`."""
     if not isinstance(model, pin.Model):
-        raise InvalidInput(f"model is a {type(model).__name__}: it must be a pinocchio.Model")
+        raise InvalidInput(
+            f"model is a {type(model).__name__}: it must be a pinocchio.Model; kd.Leg.from_urdf "
+            "and kd.Leg.from_mjcf read files"
+        )
 
 
 def frame_id(model: Any, name: str) -> int:

@@ -96,8 +96,8 @@ class MujocoTuning(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about missed goals and the contact time."""
-        lines = []
+        """Lines about the ball, missed goals and the contact time."""
+        lines = [*self.ball.warnings]
         for goal in self.goals:
             if goal.met:
                 continue

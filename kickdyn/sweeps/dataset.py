@@ -18,6 +18,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.restitution import format_restitution, range_warnings
+from kickdyn.robot.joint_table import DEGREES, look_like_degrees
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.names import unknown
 from kickdyn.sweeps.grid import DECIMALS, Grid
@@ -70,6 +71,9 @@ def describe(leg: Leg, grid: Grid, kick: Kick, carry_tolerance: float) -> xr.Dat
     `InvalidInput` where a joint and a variable have the same name.
     """
     attributes = {"Conventions": "CF-1.11", **provenance(leg, kick)}
+    farthest = {name: values[np.abs(values).argmax()] for name, values in grid.axes.items()}
+    if look_like_degrees(leg, leg.configuration(farthest)):  # of joints without a range
+        attributes["warnings"] = "; ".join([*sweep_warnings(leg, kick), DEGREES])
     data = xr.Dataset(attrs={**attributes, "carry_tolerance_m": carry_tolerance, "finished": 0})
     for name, values in grid.axes.items():
         shadows = name.endswith("_deg") and name.removesuffix("_deg") in grid.axes
@@ -185,8 +189,9 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
 
 
 def sweep_warnings(leg: Leg, kick: Kick) -> tuple[str, ...]:
-    """Return a line for each thing to know about the leg, and about the restitution's range."""
-    return (*leg.warnings, *range_warnings(kick.contact.restitution, kick.speed))
+    """Return a line for each thing to know about leg and ball, and the restitution's range."""
+    in_range = range_warnings(kick.contact.restitution, kick.speed)
+    return (*leg.warnings, *kick.ball.warnings, *in_range)
 
 
 def difference(

@@ -57,7 +57,8 @@ class Grid:
         """
         if not isinstance(postures, Mapping) or not postures:
             raise InvalidInput(
-                f"postures is {validation.brief(postures)}: it must map joint names to values"
+                f"postures is {validation.brief(postures)}: it must map joint names to values, "
+                f"such as {{{leg.single_joints[0]!r}: [0.0, 0.1]}}{_of_rows(leg, postures)}"
             )
         axes: dict[str, Array] = {}
         faults: list[str] = []
@@ -176,6 +177,19 @@ def check_size(shape: tuple[int, ...], largest: int) -> None:
             f"the grid has {size:,} postures ({' x '.join(map(str, shape))}, in a store "
             f"{GIGABYTES * size:,.1f} GB): at most {largest:,} {limit}, or take larger steps"
         )
+
+
+def _of_rows(leg: Leg, postures: object) -> str:
+    """Return how n configurations in rows, `(n, nq)`, are swept; empty for anything else."""
+    names = leg.single_joints
+    try:
+        shape = validation.floats("postures", postures).shape  # type: ignore[arg-type]
+    except InvalidInput:
+        shape = ()
+    if shape[1:] != (len(names),) or leg.nq != len(names) or leg.mimics:
+        return ""
+    columns = [f"{name!r}: rows[:, {k}]" for k, name in enumerate(names)]
+    return f"; for rows of q, {{{', '.join(columns)}}} with samples='list'"
 
 
 def _sampled(axes: Mapping[str, Array], samples: int | str) -> dict[str, Array]:

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from tolerances import agrees, optimized
+from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
+from kickdyn.errors import FaultyFile
 
 POINTS = np.arange(24.0).reshape(4, 2, 3) / 10
 
@@ -43,36 +44,75 @@ def test_a_trc_file_in_metres_with_z_up(tmp_path, unit, size, between, gap):
     assert track.positions == pytest.approx(points, nan_ok=True)
 
 
+TRC = trc(POINTS)
+
+
+@pytest.mark.parametrize(("text", "markers"), [
+    (TRC.replace("\n", "\r\n"), "ab"), ("\ufeff" + TRC.replace(".", ","), "ab"),
+    (TRC.replace("\t", "  "), "ab"), (TRC.replace("PathFileType", "pathfiletype"), "ab"),
+    (TRC.replace("\n\n", "\n"), "ab"), (TRC.replace("\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n", ""), "ab"),
+    (TRC.replace("100\t100", "100\t"), "ab"), (TRC.replace("a\t\t\tb\t\t", "a\tb"), "ab"),
+    (TRC.replace("a\t\t\tb", "a\t\t\t"), "a"), (TRC.replace("a\t\t\tb", "\t\t\tb"), "b"),
+    (TRC.replace("\na", "a") + "\t", "ab"), (TRC.rpartition("\n")[0], "ab"),
+    (TRC.rsplit("\n", 3)[0], "ab")], ids=range(13))  # fmt: skip
+def test_a_trc_file_of_any_writer_has_its_markers_in_place(tmp_path, text, markers):
+    """A marker without a name takes no other's place; decimals may have commas."""
+    (tmp_path / "kick.trc").write_bytes(text.encode())
+    track = kd.BodyTrack.from_trc(tmp_path / "kick.trc")
+    assert "".join(track.markers) == markers
+    right = POINTS[: len(track), ["ab".index(name) for name in markers]]
+    agrees(track.positions, right, closed_form(1e3))
+
+
 @pytest.mark.parametrize(("header", "unit"), [
     ("inDegrees=yes", 180 / np.pi), ("inDegrees = yes\t\t", 180 / np.pi), ("inDegrees=no", 1.0),
     ("# SIMM Motion File Header:\nname kick", 180 / np.pi), ("version=1", 1.0),
     ("Angles are in degrees.", 180 / np.pi),
-    ("Units are S.I. (angles in degrees with inDegrees=yes)\ninDegrees=no", 1.0)])  # fmt: skip
+    ("Units are S.I. (angles in degrees with inDegrees=yes)\ninDegrees=no", 1.0),
+    ("inDegrees: no", 1.0), ("INDEGREES=YES\r", 180 / np.pi)])  # fmt: skip
 def test_a_mot_file_in_radians(tmp_path, header, unit):
     """Columns that share a name are left out, translations keep their unit."""
     file = tmp_path / "kick.mot"
     file.write_text(
-        f"Coordinates\nnRows=2\nnColumns=5\n{header}\nendheader\t\n"
-        "time\tknee_angle_r\tpelvis_tx\ta\ta\n0.0\t90\t0.5\t1\t2\n0.01\t-45\t0.6\t1\t2\n"
+        f"Coordinates\nnRows=2\nnColumns=5\n{header}\nEndHeader\t\n\n"
+        "Time\tknee_angle_r\tpelvis_tx\t/base/Pelvis_TY/value\ta\ta\t\n"
+        "0.0\t90\t0,5\t0.7\t1\t2\n0.01\t-45\t\t0.8\t1\t2\t\n0.02   0 0.6 0.9 1 2\n"
     )
     track = kd.BodyTrack.from_mot(file)
-    assert (track.times.tolist(), set(track.angles)) == ([0, 0.01], {"knee_angle_r", "pelvis_tx"})
-    assert track.angles["knee_angle_r"] * unit == pytest.approx([90, -45])
-    assert track.angles["pelvis_tx"] == pytest.approx([0.5, 0.6])
+    assert track.times.tolist() == [0, 0.01, 0.02]
+    assert set(track.angles) == {"knee_angle_r", "pelvis_tx", "/base/Pelvis_TY/value"}
+    assert track.angles["knee_angle_r"] * unit == pytest.approx([90, -45, 0])
+    assert track.angles["pelvis_tx"] == pytest.approx([0.5, np.nan, 0.6], nan_ok=True)
+    assert track.angles["/base/Pelvis_TY/value"] == pytest.approx([0.7, 0.8, 0.9])
 
 
-@pytest.mark.parametrize(("ending", "text", "message"), [
-    ("trc", "no", "not a TRC file"), ("trc", trc(POINTS, "ell"), r"'ell'.*mm, cm, m"),
-    ("trc", trc(POINTS).replace("0.01", "0.00"), "times must increase"),
-    ("trc", trc(POINTS).replace("100.0", "x"), "line 7"), ("mot", "time a\n", "not a MOT file"),
-    ("mot", "endheader\na time\n0 1\n", "line 2 .*time first"),
-    ("mot", "endheader\ntime a\n", "no row"), ("mot", "endheader\ntime a\n0 1\n0 2\n", "line 4")
-], ids=range(8))  # fmt: skip
-def test_a_faulty_file_is_refused(tmp_path, ending, text, message):
-    file = tmp_path / f"kick.{ending}"
+MOT = "inDegrees=no\nendheader\ntime\ta\n0\t1\n1\t2\n"
+
+
+@pytest.mark.parametrize(("ending", "text", "message", "remedy"), [
+    ("trc", TRC[4:], "not a TRC file.*PathFileType", ("FileType", "PathFileType")),
+    ("trc", trc(POINTS, "ell"), r"'ell'.*mm, cm, m", ("ell", "cm")),
+    ("trc", TRC.split("Frame#")[0], "ends after 3 lines", (TRC.split("Frame#")[0], TRC)),
+    ("trc", TRC.replace("a\t\t\tb", "\t\t\t"), "line 4 must name", ("Time", "Time\ta")),
+    ("trc", TRC.replace("a\t\t\tb", "a\tb\tc"), "line 7 has 8 cells.* 11", ("a\tb\tc", "a\tb")),
+    ("trc", TRC.replace("\t", " ").replace(" 200.0", ""), "line 7 has 7.* 8", ("1 0", "1 0 0")),
+    ("trc", TRC.replace("0.01", "0.00"), "times must increase, at line 8", ("0.00\t", "0.01\t")),
+    ("trc", TRC.replace("100.0", "x"), "line 7 must be numbers", ("x", "100.0")),
+    ("mot", MOT.replace("endheader", ""), "must have a line endheader", ("=no", "=no\nendheader")),
+    ("mot", MOT.replace("time\ta", "a\ttime"), "line 3 .*time first", ("a\ttime", "time\ta")),
+    ("mot", MOT.replace("=no", "=maybe"), "'maybe'.* yes or no", ("maybe", "yes")),
+    ("mot", MOT.replace("\ta\n", "\ta\tb\n"), "line 4 has 2 cells.* 3", ("\ta\tb", "\ta")),
+    ("mot", MOT.replace("\ta\n", "\n"), "line 4 has 2 cells.* 1", ("time", "time\ta")),
+    ("mot", MOT.replace("1\t2", "0\t2"), "increase, at line 5", ("0\t2", "1\t2")),
+    ("mot", "endheader\ntime a\n", "no row", ("a\n", "a\n0 1\n"))], ids=range(15))  # fmt: skip
+def test_a_file_is_refused_with_advice_that_helps(tmp_path, ending, text, message, remedy):
+    file, read = tmp_path / f"kick.{ending}", getattr(kd.BodyTrack, f"from_{ending}")
     file.write_text(text)
-    with pytest.raises(kd.InvalidInput, match=message):
-        getattr(kd.BodyTrack, f"from_{ending}")(file)
+    with pytest.raises(FaultyFile, match=message) as refused:
+        read(file)
+    assert str(refused.value).isprintable()
+    file.write_text(text.replace(*remedy))
+    assert len(read(file))
 
 
 def test_markers_are_found_by_name_without_the_prefix_of_a_subject_and_gaps_are_left_out():

@@ -6,8 +6,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
-from tolerances import closed_form
+from tolerances import agrees, closed_form
 
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
@@ -62,17 +63,88 @@ def test_rows_of_one_number_where_no_ball_could_be_are_gaps(tmp_path, number, st
     assert [f"5 rows of {number}" in line for line in track.warnings] == [True] * bool(gaps)
 
 
-@pytest.mark.parametrize(("text", "message"), [
-    ("t,x,y\n0,1,2\n", r"\['t', 'x', 'y'\].*'z'"), ("t,x,y,z\n", "no row of numbers"),
-    ("t,x,y,z\n0,1,2,three\n", "row 2"), ("t,x,y,z\n0,1,2,inf\n", "row 2"),
-    ("t;x;y;z\n0;1;2;3\n", "commas"), ("t,x,y,x,z\n0,1,2,1,3\n", "once"),
-    ("t,x,y,z\n0,02,1,0,2,0,3,0\n", "row 2 has 8"), ("t,x,y,z\n0,1,2,3\n0,1,2,3\n", "row 3 has")
-])  # fmt: skip
-def test_a_faulty_csv_file_is_refused(tmp_path, text, message):
+NAMES, ROWS = "t,x,y,z\n", np.array([[0.5, 1.25, 2, -3], [0.52, 1.5, 2.5, 4]])
+PLAIN = "\n".join(",".join(map(str, row)) for row in ROWS.tolist())
+SEMICOLONS = PLAIN.replace(",", ";").replace(".", ",")
+
+
+def written(sizes, mark=","):
+    """Return the rows in other units, a size for the time and one for the coordinates."""
+    return "\n".join(
+        mark.join(map(repr, row)) for row in (ROWS * np.repeat(sizes, (1, 3))).tolist()
+    )
+
+
+@pytest.mark.parametrize("text", [
+    NAMES + PLAIN, "\ufeff" + NAMES + PLAIN, (NAMES + PLAIN).replace("\n", "\r\n"),
+    (NAMES + PLAIN).replace("\n", "\r"), "t;x;y;z\n" + SEMICOLONS,
+    "t;x;y;z\n" + written((1, 1), ";"), "t\tx\ty\tz\n" + SEMICOLONS.replace(";", "\t"),
+    "T   X Y  Z\n" + written((1, 1), "   "),
+    "t [s],x [m],y [m],z [m]\n" + PLAIN, "t_s;x_m;y_m;z_m\n" + SEMICOLONS,
+    "T (ms);X (cm);Y (cm);Z (cm)\n" + written((1e3, 1e2), ";"),
+    "t,x,y,z\n[s],[m],[m],[m]\n" + PLAIN,
+    NAMES + "ms,mm,mm,mm\n" + written((1e3, 1e3)), "a ball\n\n" + NAMES + PLAIN,
+    "# a ball\n" + NAMES + "# here\n" + PLAIN + "\n# end", "# t,x,y,z\n" + PLAIN,
+    '"t", "x", "y", "z"\n' + "\n".join(f'"{line}"' for line in written((1, 1), '","').split("\n")),
+    "t,x,y,z,\n" + PLAIN.replace("\n", ",\n") + ",", "i,t,y,x,z\n"
+    + "\n".join(f"{k},{t},{y},{x},{z}" for k, (t, x, y, z) in enumerate(ROWS.tolist())),
+    NAMES + PLAIN + "\n0.6,NA,nan,\n\n",
+], ids=range(20))  # fmt: skip
+def test_csv_files_of_all_dialects_are_one_track(tmp_path, text):
+    file = tmp_path / "track.csv"
+    file.write_bytes(text.encode())
+    track = kd.Track.from_csv(file)
+    agrees(np.column_stack([track.times, track.positions]), ROWS, closed_form())
+
+
+@pytest.mark.parametrize(("text", "message", "columns", "remedy"), [
+    ("t,x,y\n0,1,2\n", r"\['t', 'x', 'y'\].*'z'", "txyy", ()),
+    ("t,x,y,x,z\n0,1,2,1,3\n", "once each", "tyyz", ()),
+    ("time,x,y,z\n" + PLAIN, "'t'.*columns", ("time", "x", "y", "z"), ()),
+    ("t,x [ft],y,z\n" + PLAIN, r"x \[ft\].*columns", ("t", "x [ft]", "y", "z"), ()),
+    (NAMES, "no row of numbers", "txyz", (NAMES, NAMES + PLAIN)),
+    (NAMES + written((1, 1), ";"), "no row of numbers.*separated", "txyz", (",", ";")),
+    (NAMES + "0,1,2,three", "row 2", "txyz", ("three", "3")),
+    (NAMES + "0,1,2,inf", "row 2", "txyz", ("inf", "3")),
+    (NAMES + "0:01.5,1,2,3", "row 2.*seconds", "txyz", ("0:01.5", "1.5")),
+    (NAMES + "0,02,1,0,2,0,3", "row 2 has 7.*a point", "txyz", ("0,02,1,0,2,0", "0.02,1,2")),
+    (NAMES + '"0,02","1,0",2,3', "row 2.*a point", "txyz", ('"0,02","1,0"', "0.02,1.0")),
+    ("t;x;y;z\n0,5;1.5;2;3", "row 2.*a point", "txyz", ("0,5", "0.5")),
+    (NAMES + "0,1,2,3\n0,1,2,3", "row 3.*increase", "txyz", ("\n0,1,2,3\n0", "\n0,1,2,3\n1")),
+], ids=range(13))  # fmt: skip
+def test_a_csv_file_is_refused_with_advice_that_helps(tmp_path, text, message, columns, remedy):
     file = tmp_path / "track.csv"
     file.write_text(text)
-    with pytest.raises(kd.InvalidInput, match=message):
+    with pytest.raises(FaultyFile, match=message) as refused:
         kd.Track.from_csv(file)
+    assert str(refused.value).isprintable()
+    file.write_text(text.replace(*remedy) if remedy else text)
+    assert len(kd.Track.from_csv(file, columns=tuple(columns))) > 0
+
+
+def test_a_table_is_a_track_and_other_arguments_are_answered_with_how_to_make_one():
+    """Rows with a gap are left out, and units read, as of a file."""
+    columns = {"frame": [1, 2, 3], "z": np.zeros(3), "t [ms]": [0, 20, 40], "Y_mm": [0, 10, 20]}
+    table = pd.DataFrame(columns | {"x": [1, np.nan, 3]})
+    track = kd.Track(table)
+    assert track == kd.Track([0, 0.04], [[1, 0, 0], [3, 0.02, 0]])
+    assert kd.Track(table.astype({"x": "Float64", "z": object})) == track
+    ball = kd.Ball()
+    for refused, message in (
+        (
+            lambda: kd.Track(table.drop(columns="z")),
+            r"positions.*t, x, y, z.*\['frame', .*from_csv",
+        ),
+        (lambda: kd.Track([0, 1]), "positions is missing.*from_csv"),
+        (lambda: kd.Track(table.assign(z="three")), "column z .*real numbers"),
+        (lambda: kd.Track(table.iloc[:0]), "no row"),
+        (lambda: kd.identify(table, ball), r"track is .*DataFrame.*kd\.Track\(table\)"),
+        (lambda: kd.segments(table), r"kd\.Track\(table\)"),
+        (lambda: kd.segments("track.csv"), "from_csv reads"),
+    ):
+        with pytest.raises(kd.InvalidInput, match=message) as error:
+            refused()
+        assert str(error.value).isprintable()
 
 
 @pytest.mark.parametrize("share", [0.5, 0.95, 1.0, 1.05, 1.9])

@@ -85,6 +85,31 @@ def test_degrees_in_place_of_radians_are_announced(q, is_announced):
     assert any("look like degrees" in line for line in lines) == is_announced
 
 
+@pytest.mark.parametrize(("limit", "q", "is_announced"), [
+    (math.inf, [30, 0, 0.1], True), (math.inf, [30, -45, 0.1], True), (2, [0, -45, 0.1], True),
+    (math.inf, [6, 0, 0.1], False), (math.inf, [30, 1, 0.1], False), (40, [30, 0, 0.1], False),
+    (math.inf, [0, 0, 9], False), (math.inf, [0, 0, 0], False)])  # fmt: skip
+def test_degrees_of_joints_without_a_range_are_announced_by_all_that_takes_q(
+    limit, q, is_announced
+):
+    """Beyond a turn, only the angle itself shows how far a continuous joint was turned."""
+    model = mixed().model
+    model.upperPositionLimit[0] = limit
+    leg, full = kd.Leg.from_model(model, "toe"), [q[0], math.cos(q[1]), math.sin(q[1]), q[2]]
+    posture = leg.posture(q).with_contact_offset((0, 0, 0.01))
+    contact = kd.Contact((0, 0, 1), 0.5)
+    lines = [posture.warnings]
+    if q[1] == 0.0:
+        rows = [full], [[0.0, 0.0, 1.0]], kd.Ball(), contact
+        lines += [function(leg, *rows).warnings for function in (kd.strike_many, kd.collide_many)]
+        lines += [leg.posture(full).warnings]
+        if limit > q[0] and q[2] < 0.3:
+            swept = kd.sweep(leg, {"turn": [min(0.0, q[0]), q[0]][q[0] == 0 :]}, kd.Kick(air=None))
+            lines.append([swept.warnings])
+    said = [any("look like degrees" in line for line in some) for some in lines]
+    assert said == [is_announced] * len(lines)
+
+
 @pytest.mark.parametrize(("values", "outside"), [
     ({}, {}), ({"turn": 2 + 0.5e-6}, {}),  # a millionth is rounding
     ({"turn": 2 + 2e-6}, {"turn": "deg"}), ({"slide": 99.0}, {"slide": "99 m"}),  # no degrees

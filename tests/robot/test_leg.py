@@ -208,6 +208,12 @@ HUMAN_MODEL = kd.Leg.human().model
     (lambda leg: kd.Leg.from_model(HUMAN_MODEL, None), "frame is None"),
     (lambda leg: kd.Leg.from_model(HUMAN_MODEL, "base"), "'base' is fixed to the base"),
     (lambda leg: kd.Leg.from_model(None, "toe"), r"pinocchio\.Model"),
+    (lambda leg: kd.Leg.from_model(HUMAN_MODEL), r"from_model\(model, frame\).* knee.* toe"),
+    (lambda leg: kd.Leg(HUMAN_MODEL), r"from_model\(model, frame\).* knee.* toe"),
+    (lambda leg: kd.Leg("leg.urdf"), r"pinocchio\.Model.*from_urdf"),
+    (lambda leg: kd.Leg.from_urdf(leg.file.text), "the text of a file: save it"),
+    (lambda leg: kd.Leg.from_mjcf(" <mujoco/>", "toe"), "the text of a file: save it"),
+    (lambda leg: kd.Track.from_csv("t,x,y,z\n0,1,2,3"), "the text of a file: save it"),
 ])  # fmt: skip
 def test_bad_arguments_are_refused(change, said):
     with pytest.raises(kd.InvalidInput, match=said):

@@ -1,6 +1,7 @@
 """Grids, lists and samples of postures, and their chunks."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -66,6 +67,16 @@ BOUNDS = {"hip": (-0.1, 0.7), "knee": (0.1, 0.9)}
 def test_bad_postures_are_refused(postures, samples, word):
     with pytest.raises(kd.InvalidInput, match=word):
         Grid.of(LEG, postures, samples)
+
+
+@pytest.mark.parametrize("kind", [np.array, list])
+def test_rows_of_configurations_are_a_list_as_the_refusal_says(kind):
+    rows = np.array([[0.3, 0.4, 0.1], [0.1, 0.2, -0.2]])
+    with pytest.raises(kd.InvalidInput, match=r"such as \{'hip': \[0.0, 0.1\]\}") as refused:
+        kd.sweep(LEG, kind(rows), kd.Kick())
+    advice = re.search(r"rows of q, (.*) with samples='list'", str(refused.value))[1]
+    listed = Grid.of(LEG, eval(advice, {"rows": rows}), "list")
+    assert [listed.configuration(LEG, k).tolist() for k in range(2)] == rows.tolist()
 
 
 def test_a_joint_that_is_not_named_must_allow_0():

@@ -70,7 +70,7 @@ INSTANCES = {
 """One of each class that has methods with arguments."""
 
 RESULTS = """
-Collision Course Flight Identification Impact KickPlan Launch LegMotion Motion MujocoRun
+Collision Course FileCheck Flight Identification Impact KickPlan Launch LegMotion Motion MujocoRun
 MujocoTuning Pass Posture ReachTable RestitutionFit Segments Sensitivity Simulation Uncertainty
 UnilateralImpact
 """

@@ -273,7 +273,7 @@ class Leg(LegModel, ReprMixin):
             InvalidInput: no such robot, frame or base, the package is not installed, a download
                 fails, or a joint moves no mass (`romeo` with its fingers).
         """
-        locked = validation.mapping("locked", locked)
+        validation.mapping("locked", locked)
         if name not in ROBOTS:
             if legs_only:
                 raise InvalidInput(f"legs_only is for {', '.join(ROBOTS)}: for {name}, use locked=")
@@ -288,7 +288,7 @@ class Leg(LegModel, ReprMixin):
             raise InvalidInput(f"facing is {facing!r}: {name} faces x already")
         (file, model), (frame, cone) = read_robot(name, base), ROBOTS[name].contact(frame)
         leg = cls(model, frame, file, contact_normal_cone=cone)
-        leg = leg._with_drives_of(drives, catalogued_drives(name)).locked(locked)
+        leg = leg._with_drives_of(drives, catalogued_drives(name)).locked(locked or {})
         prefixes = (*ROBOTS[name].legs, "root_joint")
         outside = [joint for joint in leg.joint_names if not joint.startswith(prefixes)]
         if legs_only and outside:

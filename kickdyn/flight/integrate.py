@@ -5,6 +5,7 @@ of a step is far more accurate near its end than within it.
 """
 
 import math
+import operator
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from itertools import pairwise
@@ -14,10 +15,10 @@ import numpy as np
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from kickdyn.core.dop853 import EVENT_MARGIN, keep_stages
+from kickdyn.core.dop853 import EVENT_MARGIN, keep_stages, quintic_weights
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.flight.events import Event, end_at_launch
+from kickdyn.flight.events import MOST_CHANGE, PARTS, Event, count_readings, end_at_launch
 
 MAX_EVALUATIONS = 100_000
 """Most evaluations of the rates. An explicit method would not come to an end where drag stops the
@@ -32,6 +33,18 @@ INNER_FRACTIONS = np.linspace(0.0, 1.0, 10)[1:-1]
 
 EARLY_FRACTIONS = np.concatenate([0.5 ** np.arange(50.0, 3.0, -1.0), INNER_FRACTIONS])
 """The same where the function is zero at the beginning of the step."""
+
+TOGETHER = 50
+"""States that are computed together where a function is read within a part of a step."""
+
+POWERS = np.array([[0.0, 1.0, 2.0, 0.0, 1.0, 2.0], [-1.0, 0.0, 1.0, -1.0, 0.0, 1.0]])
+"""Powers of the length of a step by which its `quintic_weights` are multiplied."""
+
+
+PART_FRACTIONS = np.arange(1, PARTS) / PARTS
+"""Where the parts of a step end, but for the last one."""
+
+PART_WEIGHTS = quintic_weights(PART_FRACTIONS)
 
 EPSILON = float(np.finfo(float).eps)
 
@@ -184,6 +197,50 @@ class _Step:
         """The states at times of the step; to be read before the solver takes the next one."""
         return self.solver.dense_output()  # type: ignore[no-any-return]
 
+    def _on_quintic(self, fractions: Array, weights: Array) -> list[list[float]]:
+        """Return the states at fractions of the step, without the evaluations of `interpolant`."""
+        begin, end, last_rates = self.before, self.solver.y, self.solver.f
+        nodes = begin[:6], self.rates[3:6], end[:6], last_rates[3:6]
+        scaled = (weights * self.length**POWERS).reshape(-1, 6)
+        states = np.empty((len(fractions), len(begin)))
+        states[:, :6] = (scaled @ np.concatenate(nodes).reshape(6, 3)).reshape(-1, 6)
+        states[:, 6:] = begin[6:] + fractions[:, None] * (end[6:] - begin[6:])
+        return states.tolist()  # type: ignore[no-any-return]
+
+    @cached_property
+    def _part_states(self) -> list[list[float]]:
+        return self._on_quintic(PART_FRACTIONS, PART_WEIGHTS)
+
+    def _read_fall(self, event: Event) -> _Fall | None:
+        """Return the first fall of a function by reading it within the step, as `Event` says."""
+        start, end, *_ = self._values[event]
+        values = [start, *map(event.value_or_nan, self._part_states), end]
+        most = MOST_CHANGE * max(map(abs, map(operator.sub, values, values[1:])))
+        if min(map(operator.add, values, values[1:])) > most:
+            return None
+        speed = max(math.hypot(*state[3:6].tolist()) for state in (self.before, self.solver.y))
+        count = count_readings(self.length / PARTS, speed)
+        for k, (above, below) in enumerate(pairwise(values)):
+            if max(above, below) > 0.0 and above + below <= most:
+                fall = self._read_part(event, k, above, count)
+                if fall is not None:
+                    return fall
+        return None
+
+    def _read_part(self, event: Event, k: int, value: float, count: int) -> _Fall | None:
+        """Return the first fall in a part of the step, whose function has a value before it."""
+        low = k / PARTS
+        for first in range(0, count, TOGETHER):
+            numbers = np.arange(first + 1, min(first + TOGETHER, count) + 1)
+            fractions = (k + numbers / count) / PARTS
+            states = self._on_quintic(fractions, quintic_weights(fractions))
+            for high, state in zip(fractions.tolist(), states, strict=True):
+                last, value = value, event.value_or_nan(state)
+                if last > 0.0 >= value:
+                    return _Fall(low, high, low + (high - low) * last / (last - value))
+                low = high
+        return None
+
     def find_fall(self, event: Event) -> _Fall | None:
         """Return the first fall of an event's function through zero; None if there is none.
 
@@ -192,6 +249,10 @@ class _Step:
         first.
         """
         start, end, ahead, behind = self._values[event]
+        if event.within_steps and not start == 0.0 > end:
+            fall = self._read_fall(event)
+            if fall is not None:
+                return fall
         if start > 0.0 >= end:
             about = start / (start - end)
             if math.isfinite(ahead + behind):
@@ -229,7 +290,8 @@ class _Step:
         low = estimate if estimate > low and value(estimate) > 0.0 else low
         above, below = value(low), value(high)
         if not above > 0.0 >= below:  # but for rounding
-            return high, states[high]
+            time = high if above > 0.0 else low
+            return time, states[time]
         precision = max(1e-14 * self.length, 1e-300)
         time = float(brentq(value, low, high, xtol=precision, rtol=4.0 * EPSILON, disp=False))
         return time, states[time] if time in states else self.interpolant(time)

@@ -204,6 +204,12 @@ def count_readings(part: float, speed: float) -> int:
     return 1 + int(min(often, MOST_READINGS))
 
 
+def count_known(events: Sequence[Event]) -> int:
+    """Return how many events come before the first whose function is read within the steps."""
+    within = [event.within_steps for event in events]
+    return within.index(True) if any(within) else len(within)
+
+
 def checked_ends(ends: Any) -> tuple[Event, ...]:
     """Return a user's events as a tuple, or raise `InvalidInput` where one cannot end a flight."""
     events = tuple(ends)

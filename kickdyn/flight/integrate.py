@@ -249,10 +249,9 @@ class _Step:
         first.
         """
         start, end, ahead, behind = self._values[event]
-        if event.within_steps and not start == 0.0 > end:
-            fall = self._read_fall(event)
-            if fall is not None:
-                return fall
+        fall = self._read_fall(event) if event.within_steps else None
+        if fall is not None:
+            return fall
         if start > 0.0 >= end:
             about = start / (start - end)
             if math.isfinite(ahead + behind):

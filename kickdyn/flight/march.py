@@ -8,7 +8,7 @@ A step that an event falls into is taken anew so that it ends shortly after the 
 `integrate`. Where the event is follows from the cubic with the values and slopes of the event's
 function at both ends, and from the function itself on the ball's path. Of the crests the highest is
 kept. Most steps have no event: all lanes are checked for that at once, and only the others go
-through `_end_step`.
+through `_end_step`, as do those within which a function that is read there may fall.
 """
 
 # mypy: disable-error-code="no-untyped-def"
@@ -27,7 +27,7 @@ from kickdyn.core.dop853 import COUNT, STAGES, WEIGHT, WHICH_RATE
 from kickdyn.core.validation import Array
 from kickdyn.flight import compiling, events
 from kickdyn.flight.compiling import LANES, LEFT, OPTIONS, SIGNATURE, SIZE, U, V, W, X, Z
-from kickdyn.flight.events import AT_REST, NUMBERS
+from kickdyn.flight.events import AT_REST, MOST_CHANGE, NUMBERS, PARTS, count_readings
 from kickdyn.flight.flight_result import ALOFT, FAILED, FURTHER, LANDED
 from kickdyn.flight.integrate import MAX_EVALUATIONS
 
@@ -51,6 +51,7 @@ _OPTIONS: dict[str, Any] = {**OPTIONS, "_nrt": False}
 
 njit: Any = numba.njit(**_OPTIONS, **WITHIN)
 inlined: Any = numba.njit(**_OPTIONS, **WITHIN, forceinline=True)
+_count_readings = inlined(count_readings)
 
 
 class Flights(NamedTuple):
@@ -93,6 +94,8 @@ class Lanes(NamedTuple):
         scale: absolute tolerance of each state.
         point, value: states at an event or shortly after the launch, and the values of the events'
             functions there.
+        parts: values of the events' functions at both ends of the step and between its parts.
+        copies: numbers of the events of one flight, for all lanes.
         time, step, longest: at the beginning of the step, its length, its greatest length [s].
         error: estimated error of the step over the tolerated one.
         growth: factor of the next step that the error allows.
@@ -113,6 +116,8 @@ class Lanes(NamedTuple):
     scale: Array
     point: Array
     value: Array
+    parts: Array
+    copies: Array
     time: Array
     step: Array
     longest: Array
@@ -131,22 +136,24 @@ def march(
     flights: Flights,
     rtol: float,
     time_limit: float,
+    known: int,
 ) -> None:
     """Fill in nodes, status and evaluations of n flights.
 
     `code` is the machine code of `source`, `rates_of` what `compiled_rates` returns, `values_of`
-    what `compiled_ends` does.
+    what `compiled_ends` does. The functions of all events but the first `known` ones are also read
+    within the steps.
     """
     size = flights.numbers.shape[1] * LANES
     memory = Lanes._make([
         np.zeros((STAGES + 1, SIZE)), np.zeros((4, SIZE)), *np.zeros((2, 2, size // NUMBERS)),
         np.zeros(5 * LANES), np.zeros(size), *np.zeros((4, SIZE)), np.zeros(size // NUMBERS),
-        *np.zeros((7, LANES)), np.full(LANES, -1), np.zeros(LANES, np.int64),
+        np.zeros((PARTS + 1, size // NUMBERS)), np.zeros(size), *np.zeros((7, LANES)), np.full(LANES, -1), np.zeros(LANES, np.int64),
     ])  # fmt: skip
-    code(rates_of, values_of, flights, memory, float(rtol), float(time_limit))
+    code(rates_of, values_of, flights, memory, float(rtol), float(time_limit), known)
 
 
-def _march(rates_of, values_of, flights, lane, rtol, time_limit):
+def _march(rates_of, values_of, flights, lane, rtol, time_limit, known):
     """Fill in what `march` does: load flights into lanes, step all at once, see where each is."""
     _start(rates_of, values_of, flights, lane, rtol, time_limit)
     waiting, flying = 0, 0
@@ -163,10 +170,12 @@ def _march(rates_of, values_of, flights, lane, rtol, time_limit):
         _estimate_error(lane, rtol)
         _measure(values_of, lane, lane.new, lane.rates[STAGES], lane.end)
         _take_plain_steps(lane, time_limit)
+        if known * LANES < lane.end.shape[1]:
+            _read_parts(values_of, lane, known)
         for i in range(LANES):
             row = lane.row[i]
             if row >= 0 and lane.taken[i] == 0.0:
-                status = _end_step(values_of, i, flights, lane, time_limit)
+                status = _end_step(values_of, i, flights, lane, time_limit, known)
                 if status != _FLYING:
                     flights.status[row], flights.evaluations[row] = status, lane.calls[i]
                     lane.row[i], lane.step[i] = -1, 0.0
@@ -373,6 +382,75 @@ def _take_plain_steps(lane, time_limit):
 
 
 @inlined
+def _may_fall(above, below, most):
+    """Return whether a function, positive at an end of a part, may be zero within it."""
+    return ((above > 0.0) | (below > 0.0)) & (above + below <= most)
+
+
+@inlined
+def _most_change(k, lane):
+    """Return the most by which a function may change within a part, as `Event` says."""
+    most = 0.0
+    for part in range(PARTS):
+        change = abs(lane.parts[part + 1, k] - lane.parts[part, k])
+        most = change if change > most else most
+    return MOST_CHANGE * most
+
+
+@inlined
+def _read_parts(values_of, lane, known):
+    """Read the functions of events between the parts of the step; not all steps are then plain."""
+    for part in range(1, PARTS):
+        s = 1.0 - part / PARTS
+        for c in range(0, U, LANES):
+            for i in range(LANES):
+                displacement, velocity = _on_quintic(_quintic(c + i, lane.step[i], lane), s)
+                lane.point[c + i], lane.point[U + c + i] = displacement, velocity / lane.step[i]
+        for i in range(LANES):
+            now, later = lane.state[LEFT + i], lane.new[LEFT + i]
+            lane.point[LEFT + i] = later + s * (now - later)
+        values_of(lane.numbers, lane.point, lane.parts[part])
+    for c in range(known * LANES, lane.end.shape[1], LANES):
+        for i in range(LANES):
+            k = c + i
+            lane.parts[0, k], lane.parts[PARTS, k] = lane.begin[VALUE, k], lane.end[VALUE, k]
+            most = _most_change(k, lane)
+            for part in range(PARTS):
+                falls = _may_fall(lane.parts[part, k], lane.parts[part + 1, k], most)
+                lane.taken[i] = 0.0 if falls else lane.taken[i]
+
+
+@njit
+def _read_fall(values_of, i, h, lane, known):
+    """Return the fraction of a lane's step up to the first fall read within it, or else 1."""
+    speed, late_speed, last = 0.0, 0.0, lane.sums[0]
+    for c in range(U + i, LEFT, LANES):
+        speed += lane.state[c] ** 2
+        late_speed += lane.new[c] ** 2
+    count = _count_readings(h / PARTS, math.sqrt(max(speed, late_speed)))
+    for c in range(0, len(lane.numbers), LANES):
+        for j in range(LANES):
+            lane.copies[c + j] = lane.numbers[c + i]
+    for part in range(PARTS):
+        possible = False
+        for event in range(known, lane.end.shape[1] // LANES):
+            k = event * LANES + i
+            last[event], below = lane.parts[part, k], lane.parts[part + 1, k]
+            possible |= _may_fall(last[event], below, _most_change(k, lane))
+        for first in range(1, count + 1 if possible else 1, LANES):
+            per = 1.0 / (count * PARTS)
+            _interpolate(i, 1.0 - part / PARTS - first * per, per, h, lane)
+            values_of(lane.copies, lane.point, lane.value)
+            for j in range(min(LANES, count + 1 - first)):
+                for event in range(known, lane.end.shape[1] // LANES):
+                    value = lane.value[event * LANES + j]
+                    if last[event] > 0.0 >= value:
+                        return (part + (first + j) / count) / PARTS
+                    last[event] = value
+    return 1.0
+
+
+@inlined
 def _advance(lane, time_limit):
     """Go to the end of the step in the lanes where it is taken, and choose the next step there."""
     for i in range(LANES):
@@ -437,7 +515,7 @@ def _find_fall(ends):
 @inlined
 def _correct_fall(values_of, i, event, s, h, lane):
     """Return the fraction of `_find_fall`, corrected by the function's value there."""
-    _interpolate(i, s, h, lane)
+    _interpolate(i, s, 0.0, h, lane)
     value = lane.point[W + i]
     if event != _CREST:
         values_of(lane.numbers, lane.point, lane.value)
@@ -464,23 +542,39 @@ def _write_node(i, t, y, nodes, row, k):
 
 
 @inlined
-def _interpolate(i, s, h, lane):
-    """Put into `point` the states at a fraction before the end of a step.
+def _quintic(m, h, lane):
+    """Return the coefficients of a displacement from the end of a step back to its beginning.
 
-    A displacement is the quintic with the velocities and accelerations at both ends.
+    It has the velocities and accelerations at both ends.
     """
-    last = lane.rates[STAGES]
-    for c in range(i, U, LANES):
-        p0, p1, p2 = lane.new[c], -h * lane.new[U + c], 0.5 * h * h * last[U + c]
-        d = lane.state[c] - p0 - p1 - p2
-        e = -h * lane.state[U + c] - p1 - 2.0 * p2
-        f = h * h * lane.rates[0, U + c] - 2.0 * p2
-        p3, p4 = 10.0 * d - 4.0 * e + 0.5 * f, 7.0 * e - 15.0 * d - f
-        p5 = 6.0 * d - 3.0 * e + 0.5 * f
-        slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
-        lane.point[c] = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
-        lane.point[U + c] = -slope / h
-    lane.point[LEFT + i] = lane.new[LEFT + i] - s * h * last[LEFT + i]
+    n = U + m
+    p0, p1, p2 = lane.new[m], -h * lane.new[n], 0.5 * h * h * lane.rates[STAGES, n]
+    d = lane.state[m] - p0 - p1 - p2
+    e = -h * lane.state[n] - p1 - 2.0 * p2
+    f = h * h * lane.rates[0, n] - 2.0 * p2
+    p3, p4 = 10.0 * d - 4.0 * e + 0.5 * f, 7.0 * e - 15.0 * d - f
+    return p0, p1, p2, p3, p4, 6.0 * d - 3.0 * e + 0.5 * f
+
+
+@inlined
+def _on_quintic(quintic, s):
+    """Return a displacement at a fraction before the end, and the velocity times the step."""
+    p0, p1, p2, p3, p4, p5 = quintic
+    slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
+    return p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5)))), -slope
+
+
+@inlined
+def _interpolate(i, s, per, h, lane):
+    """Put into lane j of `point` the states of a lane at a fraction s - j per before its end."""
+    for c in range(0, U, LANES):
+        quintic = _quintic(c + i, h, lane)
+        for j in range(LANES):
+            displacement, velocity = _on_quintic(quintic, s - j * per)
+            lane.point[c + j], lane.point[U + c + j] = displacement, velocity / h
+    new, slope = lane.new[LEFT + i], lane.rates[STAGES, LEFT + i]
+    for j in range(LANES):
+        lane.point[LEFT + j] = new - (s - j * per) * h * slope
 
 
 @inlined
@@ -528,7 +622,7 @@ def _first_event(i, h, lane):
 
 
 @inlined
-def _end_step(values_of, i, flights, lane, time_limit):
+def _end_step(values_of, i, flights, lane, time_limit, known):
     """Reject a step, take it anew with another length, or take it; return the flight's status."""
     t, h, error, row = lane.time[i], lane.step[i], lane.error[i], lane.row[i]
     if lane.calls[i] > MAX_EVALUATIONS:
@@ -538,6 +632,9 @@ def _end_step(values_of, i, flights, lane, time_limit):
         lane.step[i], lane.rejected[i] = _allowed(i, shorter, lane, time_limit), 1.0
         return FAILED if shorter < lane.step[i] else _FLYING
     first, before_end, again, unknown = _first_event(i, h, lane)
+    if known * LANES < lane.end.shape[1]:
+        fall = _read_fall(values_of, i, h, lane, known)
+        again = min(again, fall) if fall < 1.0 - before_end else again
     margin, resolvable = flights.tolerance[row, 4], h > max(100.0 * _EPS * t, 1e-300)
     if again == 1.0 and before_end > margin and resolvable:
         before_end = _correct_fall(values_of, i, first, before_end, h, lane)
@@ -548,7 +645,7 @@ def _end_step(values_of, i, flights, lane, time_limit):
     if unknown and first < 0:  # the function of an event is not a number
         return FAILED
     if first != _NO_EVENT:
-        _interpolate(i, before_end, h, lane)
+        _interpolate(i, before_end, 0.0, h, lane)
         event_time = t + (1.0 - before_end) * h
         if lane.point[Z + i] > flights.nodes[row, 11]:
             _write_node(i, event_time, lane.point, flights.nodes, row, 8)
@@ -571,7 +668,8 @@ def source() -> Source:
     """Return the source of the machine code of `_march`."""
     vector, matrix, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
     flights = _named_tuple([*(matrix,) * 6, numba.int8[::1], integers], Flights)
-    lanes = _named_tuple([*(matrix,) * 4, *(vector,) * 14, integers, integers], Lanes)
+    kinds = *(matrix,) * 4, *(vector,) * 7, matrix, *(vector,) * 8, integers, integers
+    lanes = _named_tuple(kinds, Lanes)
     equations, number = numba.types.FunctionType(SIGNATURE), numba.float64
-    signature = numba.void(equations, equations, flights, lanes, number, number)
+    signature = numba.void(equations, equations, flights, lanes, number, number, numba.int64)
     return Source(_march, signature, _OPTIONS)

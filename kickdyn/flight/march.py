@@ -117,6 +117,7 @@ class Lanes(NamedTuple):
     point: Array
     value: Array
     parts: Array
+    quintics: Array
     copies: Array
     time: Array
     step: Array
@@ -148,7 +149,8 @@ def march(
     memory = Lanes._make([
         np.zeros((STAGES + 1, SIZE)), np.zeros((4, SIZE)), *np.zeros((2, 2, size // NUMBERS)),
         np.zeros(5 * LANES), np.zeros(size), *np.zeros((4, SIZE)), np.zeros(size // NUMBERS),
-        np.zeros((PARTS + 1, size // NUMBERS)), np.zeros(size), *np.zeros((7, LANES)), np.full(LANES, -1), np.zeros(LANES, np.int64),
+        np.zeros((PARTS + 1, size // NUMBERS)), np.zeros((7, 3 * LANES)), np.zeros(size),
+        *np.zeros((7, LANES)), np.full(LANES, -1), np.zeros(LANES, np.int64),
     ])  # fmt: skip
     code(rates_of, values_of, flights, memory, float(rtol), float(time_limit), known)
 
@@ -400,12 +402,24 @@ def _most_change(k, lane):
 @inlined
 def _read_parts(values_of, lane, known):
     """Read the functions of events between the parts of the step; not all steps are then plain."""
+    quintics = lane.quintics
+    for c in range(0, U, LANES):
+        for i in range(LANES):
+            m = c + i
+            (
+                quintics[0, m], quintics[1, m], quintics[2, m],
+                quintics[3, m], quintics[4, m], quintics[5, m],
+            ) = _quintic(m, lane.step[i], lane)  # fmt: skip
+            quintics[6, m] = 1.0 / lane.step[i]
     for part in range(1, PARTS):
         s = 1.0 - part / PARTS
-        for c in range(0, U, LANES):
-            for i in range(LANES):
-                displacement, velocity = _on_quintic(_quintic(c + i, lane.step[i], lane), s)
-                lane.point[c + i], lane.point[U + c + i] = displacement, velocity / lane.step[i]
+        for m in range(U):
+            quintic = (
+                quintics[0, m], quintics[1, m], quintics[2, m],
+                quintics[3, m], quintics[4, m], quintics[5, m],
+            )  # fmt: skip
+            displacement, velocity = _on_quintic(quintic, s)
+            lane.point[m], lane.point[U + m] = displacement, velocity * quintics[6, m]
         for i in range(LANES):
             now, later = lane.state[LEFT + i], lane.new[LEFT + i]
             lane.point[LEFT + i] = later + s * (now - later)
@@ -668,7 +682,7 @@ def source() -> Source:
     """Return the source of the machine code of `_march`."""
     vector, matrix, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
     flights = _named_tuple([*(matrix,) * 6, numba.int8[::1], integers], Flights)
-    kinds = *(matrix,) * 4, *(vector,) * 7, matrix, *(vector,) * 8, integers, integers
+    kinds = *(matrix,) * 4, *(vector,) * 7, matrix, matrix, *(vector,) * 8, integers, integers
     lanes = _named_tuple(kinds, Lanes)
     equations, number = numba.types.FunctionType(SIGNATURE), numba.float64
     signature = numba.void(equations, equations, flights, lanes, number, number, numba.int64)

@@ -25,7 +25,7 @@ EventFunction = Callable[[Any, Any], Any]
 NUMBERS = 4
 """How many numbers an event may have."""
 
-PARTS = 8
+PARTS = 6
 """Equal parts of a step of the integration, at whose ends the function of an event is read."""
 
 MOST_CHANGE = 2.0
@@ -49,13 +49,13 @@ class Event:
     ends the flight at once unless it rises; one that is negative must first become positive. Where
     the function is nan or raises, `fly` raises `InvalidInput`, and `fly_many` says `failed`.
 
-    `fly` and `fly_many` read the function at the ends of eight equal parts of every step of the
+    `fly` and `fly_many` read the function at the ends of six equal parts of every step of the
     integration. Within a part it is taken to change at most twice as fast as on average over the
     part of the step in which it changes most; where it could then fall to zero, it is read every
     1 ms or, if the ball takes longer for that, every 1 cm of its way. So an event is found if its
     function is negative for 1 ms and along 1 cm, be it a distance from a post of any thickness. A
     function that jumps, such as 1 outside of a box and -1 inside, is found if it is negative for an
-    eighth of a step, some 30 ms: write how far the ball is from the box instead.
+    sixth of a step, some 40 ms: write how far the ball is from the box instead.
 
     Attributes:
         name: the status of a flight that the event ends.

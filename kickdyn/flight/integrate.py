@@ -204,7 +204,13 @@ class _Step:
         scaled = (weights * self.length**POWERS).reshape(-1, 6)
         states = np.empty((len(fractions), len(begin)))
         states[:, :6] = (scaled @ np.concatenate(nodes).reshape(6, 3)).reshape(-1, 6)
-        states[:, 6:] = begin[6:] + fractions[:, None] * (end[6:] - begin[6:])
+        for k in range(6, len(begin)):  # the fraction of the spin, on a cubic
+            change, rise, last_rise = (
+                end[k] - begin[k], self.length * self.rates[k], self.length * last_rates[k]
+            )  # fmt: skip
+            square = 3.0 * change - 2.0 * rise - last_rise
+            x, cube = fractions, rise + last_rise - 2.0 * change
+            states[:, k] = begin[k] + x * (rise + x * (square + x * cube))
         return states.tolist()  # type: ignore[no-any-return]
 
     @cached_property

@@ -421,8 +421,7 @@ def _read_parts(values_of, lane, known):
             displacement, velocity = _on_quintic(quintic, s)
             lane.point[m], lane.point[U + m] = displacement, velocity * quintics[6, m]
         for i in range(LANES):
-            now, later = lane.state[LEFT + i], lane.new[LEFT + i]
-            lane.point[LEFT + i] = later + s * (now - later)
+            lane.point[LEFT + i] = _on_cubic(_spin_cubic(i, lane.step[i], lane), s)
         values_of(lane.numbers, lane.point, lane.parts[part])
     for c in range(known * LANES, lane.end.shape[1], LANES):
         for i in range(LANES):
@@ -507,6 +506,19 @@ def _backward_cubic(ends):
 
 
 @inlined
+def _on_cubic(cubic, s):
+    p0, p1, p2, p3 = cubic
+    return p0 + s * (p1 + s * (p2 + s * p3))
+
+
+@inlined
+def _spin_cubic(i, h, lane):
+    """Return the coefficients of the fraction of the spin from the end of a step back."""
+    m, last = LEFT + i, lane.rates[STAGES]
+    return _backward_cubic((lane.state[m], h * lane.rates[0, m], lane.new[m], h * last[m]))
+
+
+@inlined
 def _find_fall(ends):
     """Return the fraction of a step from a function's fall through zero to the end of the step."""
     p0, p1, p2, p3 = _backward_cubic(ends)
@@ -542,9 +554,10 @@ def _correct_fall(values_of, i, event, s, h, lane):
 @inlined
 def _find_lowest(ends):
     """Return the fraction of a step after a function's least value, and that value."""
-    p0, p1, p2, p3 = _backward_cubic(ends)
+    cubic = _backward_cubic(ends)
+    _, p1, p2, p3 = cubic
     s = -p1 / (p2 + math.sqrt(max(p2 * p2 - 3.0 * p1 * p3, 0.0)))
-    return s, p0 + s * (p1 + s * (p2 + s * p3))
+    return s, _on_cubic(cubic, s)
 
 
 @njit
@@ -586,9 +599,9 @@ def _interpolate(i, s, per, h, lane):
         for j in range(LANES):
             displacement, velocity = _on_quintic(quintic, s - j * per)
             lane.point[c + j], lane.point[U + c + j] = displacement, velocity / h
-    new, slope = lane.new[LEFT + i], lane.rates[STAGES, LEFT + i]
+    cubic = _spin_cubic(i, h, lane)
     for j in range(LANES):
-        lane.point[LEFT + j] = new - (s - j * per) * h * slope
+        lane.point[LEFT + j] = _on_cubic(cubic, s - j * per)
 
 
 @inlined

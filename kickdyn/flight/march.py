@@ -435,8 +435,12 @@ def _read_parts(values_of, lane, known):
 
 @njit
 def _read_fall(values_of, i, h, lane, known):
-    """Return the fraction of a lane's step up to the first fall read within it, or else 1."""
-    speed, late_speed, last = 0.0, 0.0, lane.sums[0]
+    """Return which event falls first within a lane's step, by reading, and about where.
+
+    Returns:
+        The number of the event, or `_NO_EVENT`, and the fraction of the step after it.
+    """
+    speed, late_speed = 0.0, 0.0
     for c in range(U + i, LEFT, LANES):
         speed += lane.state[c] ** 2
         late_speed += lane.new[c] ** 2
@@ -448,19 +452,40 @@ def _read_fall(values_of, i, h, lane, known):
         possible = False
         for event in range(known, lane.end.shape[1] // LANES):
             k = event * LANES + i
-            last[event], below = lane.parts[part, k], lane.parts[part + 1, k]
-            possible |= _may_fall(last[event], below, _most_change(k, lane))
-        for first in range(1, count + 1 if possible else 1, LANES):
-            per = 1.0 / (count * PARTS)
-            _interpolate(i, 1.0 - part / PARTS - first * per, per, h, lane)
-            values_of(lane.copies, lane.point, lane.value)
-            for j in range(min(LANES, count + 1 - first)):
-                for event in range(known, lane.end.shape[1] // LANES):
-                    value = lane.value[event * LANES + j]
-                    if last[event] > 0.0 >= value:
-                        return (part + (first + j) / count) / PARTS
-                    last[event] = value
-    return 1.0
+            lane.sums[0, event], below = lane.parts[part, k], lane.parts[part + 1, k]
+            possible |= _may_fall(lane.parts[part, k], below, _most_change(k, lane))
+        low, per, number, event = part / PARTS, 1.0 / (count * PARTS), count, _NO_EVENT
+        while possible and per > 1e-13:
+            which, fallen = _read(values_of, i, h, lane, known, low, per, number)
+            if which == 0 and event == _NO_EVENT:
+                break
+            if which > 0:
+                event = fallen
+            else:  # but for rounding
+                which = number
+            low, per, number = low + (which - 1) * per, per / LANES, LANES
+        if event != _NO_EVENT:
+            return event, 1.0 - (low + LANES * per)
+    return _NO_EVENT, -1.0
+
+
+@njit
+def _read(values_of, i, h, lane, known, low, per, number):
+    """Return after how many readings an event is found to have fallen, and which; 0 if none.
+
+    Every lane of `point` has another state of the flight. A row of `sums` has the last values.
+    """
+    last, events = lane.sums[0], lane.end.shape[1] // LANES
+    for first in range(1, number + 1, LANES):
+        _interpolate(i, 1.0 - low - first * per, per, h, lane)
+        values_of(lane.copies, lane.point, lane.value)
+        for j in range(min(LANES, number + 1 - first)):
+            for event in range(known, events):
+                if last[event] > 0.0 >= lane.value[event * LANES + j]:
+                    return first + j, event
+            for event in range(known, events):
+                last[event] = lane.value[event * LANES + j]
+    return 0, _NO_EVENT
 
 
 @inlined
@@ -615,8 +640,10 @@ def _allowed(i, h, lane, time_limit):
 
 
 @inlined
-def _first_event(i, h, lane):
+def _first_event(i, h, lane, known):
     """Return the first event in a step of a lane, and the doubts about events in it.
+
+    All but the first `known` ones have been read within the step: only the doubts are of them.
 
     Returns:
         The number of the event, or `_NO_EVENT`; about which fraction of the step is left after it;
@@ -629,7 +656,7 @@ def _first_event(i, h, lane):
         start, rise, end, last_rise = ends
         unknown |= end != end
         if start > 0.0 >= end:
-            s = _find_fall(ends)
+            s = _find_fall(ends) if event < known else -1.0
             if s > before_end:
                 first, before_end = event, s
         elif start == 0.0 > end:
@@ -658,13 +685,19 @@ def _end_step(values_of, i, flights, lane, time_limit, known):
         shorter = h * max(0.2, lane.growth[i]) if error < math.inf else 0.2 * h
         lane.step[i], lane.rejected[i] = _allowed(i, shorter, lane, time_limit), 1.0
         return FAILED if shorter < lane.step[i] else _FLYING
-    first, before_end, again, unknown = _first_event(i, h, lane)
-    if known * LANES < lane.end.shape[1]:
-        fall = _read_fall(values_of, i, h, lane, known)
-        again = min(again, fall) if fall < 1.0 - before_end else again
+    events = lane.end.shape[1] // LANES
+    fallen, after = _NO_EVENT, -1.0
+    if known < events:
+        fallen, after = _read_fall(values_of, i, h, lane, known)
+    first, before_end, again, unknown = _first_event(
+        i, h, lane, events if fallen == _NO_EVENT else known
+    )
+    if after > before_end:
+        first, before_end = fallen, after
     margin, resolvable = flights.tolerance[row, 4], h > max(100.0 * _EPS * t, 1e-300)
     if again == 1.0 and before_end > margin and resolvable:
-        before_end = _correct_fall(values_of, i, first, before_end, h, lane)
+        if first != fallen:
+            before_end = _correct_fall(values_of, i, first, before_end, h, lane)
         again = (1.0 - before_end) * (1.0 + 0.5 * margin)
     if again < 1.0 and resolvable:
         lane.step[i] = _allowed(i, again * h, lane, time_limit)

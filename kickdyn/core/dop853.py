@@ -3,8 +3,6 @@
 import numpy as np
 from scipy.integrate import DOP853
 
-from kickdyn.core.validation import Array
-
 STAGES = DOP853.n_stages
 """Evaluations of a step. Row 0 of the rates is of its beginning, row `STAGES` of its end."""
 
@@ -22,27 +20,6 @@ WEIGHT = np.zeros(WHICH_RATE.shape)
 for _k, _row in enumerate(_TABLE):
     _used = np.flatnonzero(_row)
     WHICH_RATE[_k, : len(_used)], WEIGHT[_k, : len(_used)] = _used, _row[_used]
-
-QUINTIC = np.array([
-    [1.0, 0.0, 0.0, -10.0, 15.0, -6.0],
-    [0.0, 1.0, 0.0, -6.0, 8.0, -3.0],
-    [0.0, 0.0, 0.5, -1.5, 1.5, -0.5],
-    [0.0, 0.0, 0.0, 10.0, -15.0, 6.0],
-    [0.0, 0.0, 0.0, -4.0, 7.0, -3.0],
-    [0.0, 0.0, 0.0, 0.5, -1.0, 0.5],
-])  # fmt: skip
-"""Coefficients of the powers 0 to 5 of the fraction of a step: six polynomials whose sum, weighted
-by x, h v and h^2 a at its beginning and at its end, is a position within a step of length h."""
-
-
-def quintic_weights(fractions: Array) -> Array:
-    """Return the weights at n fractions of a step, of a position and of h v; shape `(n, 2, 6)`."""
-    powers = np.arange(6)
-    raised = fractions[:, None] ** powers
-    slopes = np.zeros_like(raised)
-    slopes[:, 1:] = powers[1:] * raised[:, :-1]
-    return np.stack([raised, slopes], axis=1) @ QUINTIC.T
-
 
 EVENT_MARGIN = 0.03
 """Fraction of a step, at its end, in which an event must lie for its interpolant to be read there:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from kickdyn.core.dop853 import EVENT_MARGIN, keep_stages, quintic_weights
+from kickdyn.core.dop853 import EVENT_MARGIN, keep_stages
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.events import MOST_CHANGE, PARTS, Event, count_readings, end_at_launch
@@ -37,14 +37,16 @@ EARLY_FRACTIONS = np.concatenate([0.5 ** np.arange(50.0, 3.0, -1.0), INNER_FRACT
 TOGETHER = 50
 """States that are computed together where a function is read within a part of a step."""
 
-POWERS = np.array([[0.0, 1.0, 2.0, 0.0, 1.0, 2.0], [-1.0, 0.0, 1.0, -1.0, 0.0, 1.0]])
-"""Powers of the length of a step by which its `quintic_weights` are multiplied."""
+_ENDS = np.arange(1, PARTS) / PARTS
 
-
-PART_FRACTIONS = np.arange(1, PARTS) / PARTS
-"""Where the parts of a step end, but for the last one."""
-
-PART_WEIGHTS = quintic_weights(PART_FRACTIONS)
+PART_WEIGHTS = np.column_stack([
+    (1.0 - _ENDS) ** 2 * (1.0 + 2.0 * _ENDS),
+    (1.0 - _ENDS) ** 2 * _ENDS,
+    _ENDS**2 * (3.0 - 2.0 * _ENDS),
+    _ENDS**2 * (_ENDS - 1.0),
+])  # fmt: skip
+"""Weights of the cubics of a step, where its parts end but for the last one: of the states at its
+beginning, of their changes over the step at the rates there, and of both at its end."""
 
 EPSILON = float(np.finfo(float).eps)
 
@@ -197,25 +199,11 @@ class _Step:
         """The states at times of the step; to be read before the solver takes the next one."""
         return self.solver.dense_output()  # type: ignore[no-any-return]
 
-    def _on_quintic(self, fractions: Array, weights: Array) -> list[list[float]]:
-        """Return the states at fractions of the step, without the evaluations of `interpolant`."""
-        begin, end, last_rates = self.before, self.solver.y, self.solver.f
-        nodes = begin[:6], self.rates[3:6], end[:6], last_rates[3:6]
-        scaled = (weights * self.length**POWERS).reshape(-1, 6)
-        states = np.empty((len(fractions), len(begin)))
-        states[:, :6] = (scaled @ np.concatenate(nodes).reshape(6, 3)).reshape(-1, 6)
-        for k in range(6, len(begin)):  # the fraction of the spin, on a cubic
-            change, rise, last_rise = (
-                end[k] - begin[k], self.length * self.rates[k], self.length * last_rates[k]
-            )  # fmt: skip
-            square = 3.0 * change - 2.0 * rise - last_rise
-            x, cube = fractions, rise + last_rise - 2.0 * change
-            states[:, k] = begin[k] + x * (rise + x * (square + x * cube))
-        return states.tolist()  # type: ignore[no-any-return]
-
     @cached_property
     def _part_states(self) -> list[list[float]]:
-        return self._on_quintic(PART_FRACTIONS, PART_WEIGHTS)
+        h, end, last_rates = self.length, self.solver.y, self.solver.f
+        nodes = np.concatenate([self.before, h * self.rates, end, h * last_rates])
+        return (PART_WEIGHTS @ nodes.reshape(4, -1)).tolist()  # type: ignore[no-any-return]
 
     def _read_fall(self, event: Event) -> _Fall | None:
         """Return the first fall of a function by reading it within the step, as `Event` says."""
@@ -228,23 +216,23 @@ class _Step:
         count = count_readings(self.length / PARTS, speed)
         for k, (above, below) in enumerate(pairwise(values)):
             if max(above, below) > 0.0 and above + below <= most:
-                fall = self._read_part(event, k, above, count)
+                fall = self._read_part(event, k, count)
                 if fall is not None:
                     return fall
         return None
 
-    def _read_part(self, event: Event, k: int, value: float, count: int) -> _Fall | None:
-        """Return the first fall in a part of the step, whose function has a value before it."""
-        low = k / PARTS
-        for first in range(0, count, TOGETHER):
-            numbers = np.arange(first + 1, min(first + TOGETHER, count) + 1)
-            fractions = (k + numbers / count) / PARTS
-            states = self._on_quintic(fractions, quintic_weights(fractions))
+    def _read_part(self, event: Event, part: int, count: int) -> _Fall | None:
+        """Return the first fall of an event's function in a part of the step."""
+        above, low = 0.0, 0.0
+        for first in range(0, count + 1, TOGETHER):
+            fractions = np.arange(first, min(first + TOGETHER, count + 1)) / count
+            fractions = (part + fractions) / PARTS
+            states = self.interpolant(self.begin + self.length * fractions).T.tolist()
             for high, state in zip(fractions.tolist(), states, strict=True):
-                last, value = value, event.value_or_nan(state)
-                if last > 0.0 >= value:
-                    return _Fall(low, high, low + (high - low) * last / (last - value))
-                low = high
+                below = event.value_or_nan(state)
+                if above > 0.0 >= below:
+                    return _Fall(low, high, low + (high - low) * above / (above - below))
+                low, above = high, below
         return None
 
     def find_fall(self, event: Event) -> _Fall | None:

@@ -29,7 +29,7 @@ from kickdyn.flight import compiling, events
 from kickdyn.flight.compiling import LANES, LEFT, OPTIONS, SIGNATURE, SIZE, U, V, W, X, Z
 from kickdyn.flight.events import AT_REST, MOST_CHANGE, NUMBERS, PARTS, count_readings
 from kickdyn.flight.flight_result import ALOFT, FAILED, FURTHER, LANDED
-from kickdyn.flight.integrate import MAX_EVALUATIONS
+from kickdyn.flight.integrate import MAX_EVALUATIONS, PART_WEIGHTS
 
 STATES = 7
 
@@ -95,6 +95,8 @@ class Lanes(NamedTuple):
         point, value: states at an event or shortly after the launch, and the values of the events'
             functions there.
         parts: values of the events' functions at both ends of the step and between its parts.
+        most: greatest change of the events' functions in a part of the step.
+        least: least sum of their values at both ends of a part, one of which is positive.
         copies: numbers of the events of one flight, for all lanes.
         time, step, longest: at the beginning of the step, its length, its greatest length [s].
         error: estimated error of the step over the tolerated one.
@@ -117,7 +119,8 @@ class Lanes(NamedTuple):
     point: Array
     value: Array
     parts: Array
-    quintics: Array
+    most: Array
+    least: Array
     copies: Array
     time: Array
     step: Array
@@ -149,7 +152,7 @@ def march(
     memory = Lanes._make([
         np.zeros((STAGES + 1, SIZE)), np.zeros((4, SIZE)), *np.zeros((2, 2, size // NUMBERS)),
         np.zeros(5 * LANES), np.zeros(size), *np.zeros((4, SIZE)), np.zeros(size // NUMBERS),
-        np.zeros((PARTS + 1, size // NUMBERS)), np.zeros((7, 3 * LANES)), np.zeros(size),
+        np.zeros((PARTS + 1, size // NUMBERS)), *np.zeros((2, size // NUMBERS)), np.zeros(size),
         *np.zeros((7, LANES)), np.full(LANES, -1), np.zeros(LANES, np.int64),
     ])  # fmt: skip
     code(rates_of, values_of, flights, memory, float(rtol), float(time_limit), known)
@@ -384,63 +387,40 @@ def _take_plain_steps(lane, time_limit):
 
 
 @inlined
-def _may_fall(above, below, most):
-    """Return whether a function, positive at an end of a part, may be zero within it."""
-    return ((above > 0.0) | (below > 0.0)) & (above + below <= most)
-
-
-@inlined
-def _most_change(k, lane):
-    """Return the most by which a function may change within a part, as `Event` says."""
-    most = 0.0
-    for part in range(PARTS):
-        change = abs(lane.parts[part + 1, k] - lane.parts[part, k])
-        most = change if change > most else most
-    return MOST_CHANGE * most
-
-
-@inlined
 def _read_parts(values_of, lane, known):
     """Read the functions of events between the parts of the step; not all steps are then plain."""
-    quintics = lane.quintics
-    for c in range(0, U, LANES):
-        for i in range(LANES):
-            m = c + i
-            (
-                quintics[0, m], quintics[1, m], quintics[2, m],
-                quintics[3, m], quintics[4, m], quintics[5, m],
-            ) = _quintic(m, lane.step[i], lane)  # fmt: skip
-            quintics[6, m] = 1.0 / lane.step[i]
+    state, new, h, point = lane.state, lane.new, lane.sums[3], lane.point
+    rate, last, most, least = lane.rates[0], lane.rates[STAGES], lane.most, lane.least
     for part in range(1, PARTS):
-        s = 1.0 - part / PARTS
-        for m in range(U):
-            quintic = (
-                quintics[0, m], quintics[1, m], quintics[2, m],
-                quintics[3, m], quintics[4, m], quintics[5, m],
-            )  # fmt: skip
-            displacement, velocity = _on_quintic(quintic, s)
-            lane.point[m], lane.point[U + m] = displacement, velocity * quintics[6, m]
+        a, b, c, d = PART_WEIGHTS[part - 1]
+        for m in range(SIZE):
+            point[m] = a * state[m] + c * new[m] + h[m] * (b * rate[m] + d * last[m])
+        values_of(lane.numbers, point, lane.parts[part])
+    for k in range(len(most)):
+        lane.parts[0, k], lane.parts[PARTS, k] = lane.begin[VALUE, k], lane.end[VALUE, k]
+    for part in range(PARTS):
+        above, below = lane.parts[part], lane.parts[part + 1]
+        for k in range(len(most)):
+            change, total = abs(above[k] - below[k]), above[k] + below[k]
+            total = total if (above[k] > 0.0) | (below[k] > 0.0) else math.inf
+            most[k] = change if (part == 0) | (change > most[k]) else most[k]
+            least[k] = total if (part == 0) | (total < least[k]) else least[k]
+    for c in range(known * LANES, len(most), LANES):
         for i in range(LANES):
-            lane.point[LEFT + i] = _on_cubic(_spin_cubic(i, lane.step[i], lane), s)
-        values_of(lane.numbers, lane.point, lane.parts[part])
-    for c in range(known * LANES, lane.end.shape[1], LANES):
-        for i in range(LANES):
-            k = c + i
-            lane.parts[0, k], lane.parts[PARTS, k] = lane.begin[VALUE, k], lane.end[VALUE, k]
-            most = _most_change(k, lane)
-            for part in range(PARTS):
-                falls = _may_fall(lane.parts[part, k], lane.parts[part + 1, k], most)
-                lane.taken[i] = 0.0 if falls else lane.taken[i]
+            possible = least[c + i] <= MOST_CHANGE * most[c + i]
+            lane.taken[i] = 0.0 if possible else lane.taken[i]
 
 
 @njit
 def _read_fall(values_of, i, h, lane, known):
     """Return which event falls first within a lane's step, by reading, and about where.
 
+    Every lane of `point` has another state of the flight. A row of `sums` has the last values.
+
     Returns:
         The number of the event, or `_NO_EVENT`, and the fraction of the step after it.
     """
-    speed, late_speed = 0.0, 0.0
+    speed, late_speed, last, events = 0.0, 0.0, lane.sums[0], lane.end.shape[1] // LANES
     for c in range(U + i, LEFT, LANES):
         speed += lane.state[c] ** 2
         late_speed += lane.new[c] ** 2
@@ -450,42 +430,31 @@ def _read_fall(values_of, i, h, lane, known):
             lane.copies[c + j] = lane.numbers[c + i]
     for part in range(PARTS):
         possible = False
-        for event in range(known, lane.end.shape[1] // LANES):
+        for event in range(known, events):
             k = event * LANES + i
-            lane.sums[0, event], below = lane.parts[part, k], lane.parts[part + 1, k]
-            possible |= _may_fall(lane.parts[part, k], below, _most_change(k, lane))
-        low, per, number, event = part / PARTS, 1.0 / (count * PARTS), count, _NO_EVENT
-        while possible and per > 1e-13:
-            which, fallen = _read(values_of, i, h, lane, known, low, per, number)
-            if which == 0 and event == _NO_EVENT:
-                break
-            if which > 0:
-                event = fallen
-            else:  # but for rounding
-                which = number
-            low, per, number = low + (which - 1) * per, per / LANES, LANES
-        if event != _NO_EVENT:
-            return event, 1.0 - (low + LANES * per)
+            last[event], above, below = 0.0, lane.parts[part, k], lane.parts[part + 1, k]
+            positive = (above > 0.0) | (below > 0.0)
+            possible |= positive & (above + below <= MOST_CHANGE * lane.most[k])
+        which, low, per = _NO_EVENT, part / PARTS, 1.0 / (count * PARTS)
+        number = count + 1 if possible else 0
+        while number > 0:
+            _interpolate(i, 1.0 - low, per, h, lane)
+            values_of(lane.copies, lane.point, lane.value)
+            fallen, j, most = _NO_EVENT, 0, min(number, LANES)
+            while j < most and fallen == _NO_EVENT:
+                for event in range(known, events):
+                    if last[event] > 0.0 >= lane.value[event * LANES + j]:
+                        fallen = event
+                if fallen == _NO_EVENT:
+                    for event in range(known, events):
+                        last[event] = lane.value[event * LANES + j]
+                    j += 1
+            low, number = low + j * per, number - j
+            if fallen != _NO_EVENT:  # it is read again, more closely
+                which, low, per, number = fallen, low - per, per / LANES, LANES + 1
+            if which != _NO_EVENT and (per < 1e-13 or number == 0):  # or rounding
+                return which, 1.0 - low
     return _NO_EVENT, -1.0
-
-
-@njit
-def _read(values_of, i, h, lane, known, low, per, number):
-    """Return after how many readings an event is found to have fallen, and which; 0 if none.
-
-    Every lane of `point` has another state of the flight. A row of `sums` has the last values.
-    """
-    last, events = lane.sums[0], lane.end.shape[1] // LANES
-    for first in range(1, number + 1, LANES):
-        _interpolate(i, 1.0 - low - first * per, per, h, lane)
-        values_of(lane.copies, lane.point, lane.value)
-        for j in range(min(LANES, number + 1 - first)):
-            for event in range(known, events):
-                if last[event] > 0.0 >= lane.value[event * LANES + j]:
-                    return first + j, event
-            for event in range(known, events):
-                last[event] = lane.value[event * LANES + j]
-    return 0, _NO_EVENT
 
 
 @inlined
@@ -616,7 +585,7 @@ def _on_quintic(quintic, s):
     return p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5)))), -slope
 
 
-@inlined
+@njit
 def _interpolate(i, s, per, h, lane):
     """Put into lane j of `point` the states of a lane at a fraction s - j per before its end."""
     for c in range(0, U, LANES):
@@ -728,7 +697,7 @@ def source() -> Source:
     """Return the source of the machine code of `_march`."""
     vector, matrix, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
     flights = _named_tuple([*(matrix,) * 6, numba.int8[::1], integers], Flights)
-    kinds = *(matrix,) * 4, *(vector,) * 7, matrix, matrix, *(vector,) * 8, integers, integers
+    kinds = *(matrix,) * 4, *(vector,) * 7, matrix, *(vector,) * 10, integers, integers
     lanes = _named_tuple(kinds, Lanes)
     equations, number = numba.types.FunctionType(SIGNATURE), numba.float64
     signature = numba.void(equations, equations, flights, lanes, number, number, numba.int64)

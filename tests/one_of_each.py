@@ -11,7 +11,6 @@ import kickdyn as kd
 from kickdyn.identification.infer_impact import RestitutionFit
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.reach import ReachRow, ReachTable
-from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.simulators.mujoco_fit import KickError
 from kickdyn.simulators.noisy_runs import NoisyRuns
 from kickdyn.simulators.run_in_mujoco import MujocoRun
@@ -151,7 +150,6 @@ MADE = {
     "restitution": lambda: RestitutionFit(
         np.array([[8, 0.7], [16.5, 0.61]]), np.array([0.02, 0.034]), 0.05
     ),
-    "file check": lambda: kd.check(shipped_urdf("leg_human.urdf")),
     "body": body,
     "leg motion": leg_motion,
     "contact motion": lambda: leg_motion().at_contact(),

@@ -23,6 +23,7 @@ from kickdyn.flight.events import (
     NUMBERS,
     Event,
     checked_ends,
+    count_known,
     distance_to_plane,
     ground_event,
     plane_events,
@@ -344,7 +345,7 @@ def _integrate(
     rates = compiled_rates(ball, air)
     values = compiled_ends(tuple(end.function for end in ends), tuple(end.name for end in ends))
     flights = _flights(task, air, rows, tol, longest)
-    limits = max(tol, FINEST), task.time_limit
+    limits = max(tol, FINEST), task.time_limit, count_known(ends)
     try:
         march(MARCH(), rates, values, flights, *limits)
     except Exception:  # a coefficient's own: only its rows shall fail

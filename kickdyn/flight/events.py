@@ -25,6 +25,18 @@ EventFunction = Callable[[Any, Any], Any]
 NUMBERS = 4
 """How many numbers an event may have."""
 
+PARTS = 6
+"""Equal parts of a step of the integration, at whose ends the function of an event is read."""
+
+MOST_CHANGE = 2.0
+"""How fast a function may change within a part, over its greatest change in a part of the step."""
+
+SHORTEST_TIME, SHORTEST_WAY = 1e-3, 1e-2
+"""A function is found to be negative for such a time [s] and along such a way [m]."""
+
+MOST_READINGS = 10_000
+"""Most readings in a part: a step in a vacuum may take minutes."""
+
 AT_REST = 1e-100
 """Speed below which a ball at an event does not leave it [m/s]."""
 
@@ -37,6 +49,14 @@ class Event:
     ends the flight at once unless it rises; one that is negative must first become positive. Where
     the function is nan or raises, `fly` raises `InvalidInput`, and `fly_many` says `failed`.
 
+    `fly` and `fly_many` read the function at the ends of six equal parts of every step of the
+    integration. Within a part it is taken to change at most twice as fast as on average over the
+    part of the step in which it changes most; where it could then fall to zero, it is read every
+    1 ms or, if the ball takes longer for that, every 1 cm of its way. So an event is found if its
+    function is negative for 1 ms and along 1 cm, be it a distance from a post of any thickness. A
+    function that jumps, such as 1 outside of a box and -1 inside, is found if it is negative for an
+    sixth of a step, some 40 ms: write how far the ball is from the box instead.
+
     Attributes:
         name: the status of a flight that the event ends.
         function: function of the state and of four numbers that falls through zero at the
@@ -47,6 +67,8 @@ class Event:
             `fly_many`, and with the ball after every bounce by `follow`.
         terminal: whether the event ends the flight.
         ends_step: whether a step of the integration must end at an event that is not terminal.
+        within_steps: whether the function is also read within the steps. That of a plane needs not
+            be: its values and slopes at the ends of a step suffice.
 
     A flight can be pickled if its functions are at the top level of a module.
 
@@ -65,6 +87,7 @@ class Event:
     numbers: Any = ()
     terminal: bool = True
     ends_step: bool = False
+    within_steps: bool = True
 
     def launched(self, launch: BallState) -> "Event":
         """Return the event with the numbers of a launch, or of n launches."""
@@ -130,6 +153,7 @@ def ground_event(ball: Ball, ground: Ground | None) -> Event:
         FlightStatus.LANDED,
         distance_to_plane,
         lambda launch: (drops(launch.position, ball, ground), 0.0, 0.0, 1.0),
+        within_steps=False,
     )
 
 
@@ -143,6 +167,7 @@ def plane_events(ball: Ball, plane: Plane | None) -> tuple[Event, ...]:
             FlightStatus.AT_PLANE,
             distance_to_plane,
             lambda launch: (plane_gaps(plane, ball, launch.position), *normal),
+            within_steps=False,
         ),
     )
 
@@ -162,15 +187,27 @@ def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
     return np.maximum(gap, 0.0)
 
 
-CREST = Event("crest", lambda state, _: state[5], terminal=False)
+CREST = Event("crest", lambda state, _: state[5], terminal=False, within_steps=False)
 """The ball is as high as it gets before it sinks."""
 
-STEEP_CREST = Event("crest", CREST.function, terminal=False, ends_step=True)
+STEEP_CREST = replace(CREST, ends_step=True)
 """The crest of a ball that flies straight up. It reverses its drag there, where drag by the square
 of the speed has a jump in its second derivative: the estimate of a step's error may not see it."""
 
 STEEPNESS = 10.0
 """Upward over horizontal speed of a launch from which the crest is `STEEP_CREST`."""
+
+
+def count_readings(part: float, speed: float) -> int:
+    """Return how often a function is read in a part of a step [s], the ball's speed being [m/s]."""
+    often = min(part / SHORTEST_TIME, part * speed / SHORTEST_WAY)
+    return 1 + int(min(often, MOST_READINGS))
+
+
+def count_known(events: Sequence[Event]) -> int:
+    """Return how many events come before the first whose function is read within the steps."""
+    within = [event.within_steps for event in events]
+    return within.index(True) if any(within) else len(within)
 
 
 def checked_ends(ends: Any) -> tuple[Event, ...]:

@@ -19,6 +19,7 @@ from kickdyn.flight.events import (
     NUMBERS,
     Event,
     checked_ends,
+    count_known,
     distance_to_plane,
     ground_event,
     plane_events,
@@ -223,7 +224,8 @@ class _Balls:
             )
             functions, names = zip(*((end.function, end.name) for end in ends), strict=True)
             moving = Flights._make(array[moves] for array in rolled)
-            march(MARCH(), rates, compiled_ends(functions, names), moving, tol, time_limit)
+            values, known = compiled_ends(functions, names), count_known(ends)
+            march(MARCH(), rates, values, moving, tol, time_limit, known)
             rolled.nodes[moves], rolled.status[moves] = moving.nodes, moving.status
         for k in (1, 4):  # displacement and velocity
             rolled.nodes[:, k : k + 2] = turned_rows(rolled.nodes[:, k : k + 2], cosine, sine)

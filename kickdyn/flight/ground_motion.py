@@ -188,7 +188,8 @@ class Rolling(NamedTuple):
     @property
     def slow_event(self) -> Event:
         """The event that the ball has become as slow as `slowest`."""
-        return Event("slow", _excess_ahead if self.straight else _excess, (self.slowest,))
+        excess = _excess_ahead if self.straight else _excess
+        return Event("slow", excess, (self.slowest,), within_steps=False)
 
 
 def _excess(state: Any, numbers: Any) -> Any:

@@ -5,6 +5,7 @@ of a step is far more accurate near its end than within it.
 """
 
 import math
+import operator
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from itertools import pairwise
@@ -17,7 +18,7 @@ from scipy.optimize import brentq
 from kickdyn.core.dop853 import EVENT_MARGIN, keep_stages
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.flight.events import Event, end_at_launch
+from kickdyn.flight.events import MOST_CHANGE, PARTS, Event, count_readings, end_at_launch
 
 MAX_EVALUATIONS = 100_000
 """Most evaluations of the rates. An explicit method would not come to an end where drag stops the
@@ -32,6 +33,20 @@ INNER_FRACTIONS = np.linspace(0.0, 1.0, 10)[1:-1]
 
 EARLY_FRACTIONS = np.concatenate([0.5 ** np.arange(50.0, 3.0, -1.0), INNER_FRACTIONS])
 """The same where the function is zero at the beginning of the step."""
+
+TOGETHER = 50
+"""States that are computed together where a function is read within a part of a step."""
+
+_ENDS = np.arange(1, PARTS) / PARTS
+
+PART_WEIGHTS = np.column_stack([
+    (1.0 - _ENDS) ** 2 * (1.0 + 2.0 * _ENDS),
+    (1.0 - _ENDS) ** 2 * _ENDS,
+    _ENDS**2 * (3.0 - 2.0 * _ENDS),
+    _ENDS**2 * (_ENDS - 1.0),
+])  # fmt: skip
+"""Weights of the cubics of a step, where its parts end but for the last one: of the states at its
+beginning, of their changes over the step at the rates there, and of both at its end."""
 
 EPSILON = float(np.finfo(float).eps)
 
@@ -184,6 +199,42 @@ class _Step:
         """The states at times of the step; to be read before the solver takes the next one."""
         return self.solver.dense_output()  # type: ignore[no-any-return]
 
+    @cached_property
+    def _part_states(self) -> list[list[float]]:
+        h, end, last_rates = self.length, self.solver.y, self.solver.f
+        nodes = np.concatenate([self.before, h * self.rates, end, h * last_rates])
+        return (PART_WEIGHTS @ nodes.reshape(4, -1)).tolist()  # type: ignore[no-any-return]
+
+    def _read_fall(self, event: Event) -> _Fall | None:
+        """Return the first fall of a function by reading it within the step, as `Event` says."""
+        start, end, *_ = self._values[event]
+        values = [start, *map(event.value_or_nan, self._part_states), end]
+        most = MOST_CHANGE * max(map(abs, map(operator.sub, values, values[1:])))
+        if min(map(operator.add, values, values[1:])) > most:
+            return None
+        speed = max(math.hypot(*state[3:6].tolist()) for state in (self.before, self.solver.y))
+        count = count_readings(self.length / PARTS, speed)
+        for k, (above, below) in enumerate(pairwise(values)):
+            if max(above, below) > 0.0 and above + below <= most:
+                fall = self._read_part(event, k, count)
+                if fall is not None:
+                    return fall
+        return None
+
+    def _read_part(self, event: Event, part: int, count: int) -> _Fall | None:
+        """Return the first fall of an event's function in a part of the step."""
+        above, low = 0.0, 0.0
+        for first in range(0, count + 1, TOGETHER):
+            fractions = np.arange(first, min(first + TOGETHER, count + 1)) / count
+            fractions = (part + fractions) / PARTS
+            states = self.interpolant(self.begin + self.length * fractions).T.tolist()
+            for high, state in zip(fractions.tolist(), states, strict=True):
+                below = event.value_or_nan(state)
+                if above > 0.0 >= below:
+                    return _Fall(low, high, low + (high - low) * above / (above - below))
+                low, above = high, below
+        return None
+
     def find_fall(self, event: Event) -> _Fall | None:
         """Return the first fall of an event's function through zero; None if there is none.
 
@@ -192,6 +243,9 @@ class _Step:
         first.
         """
         start, end, ahead, behind = self._values[event]
+        fall = self._read_fall(event) if event.within_steps else None
+        if fall is not None:
+            return fall
         if start > 0.0 >= end:
             about = start / (start - end)
             if math.isfinite(ahead + behind):
@@ -229,7 +283,8 @@ class _Step:
         low = estimate if estimate > low and value(estimate) > 0.0 else low
         above, below = value(low), value(high)
         if not above > 0.0 >= below:  # but for rounding
-            return high, states[high]
+            time = high if above > 0.0 else low
+            return time, states[time]
         precision = max(1e-14 * self.length, 1e-300)
         time = float(brentq(value, low, high, xtol=precision, rtol=4.0 * EPSILON, disp=False))
         return time, states[time] if time in states else self.interpolant(time)

@@ -8,7 +8,7 @@ A step that an event falls into is taken anew so that it ends shortly after the 
 `integrate`. Where the event is follows from the cubic with the values and slopes of the event's
 function at both ends, and from the function itself on the ball's path. Of the crests the highest is
 kept. Most steps have no event: all lanes are checked for that at once, and only the others go
-through `_end_step`.
+through `_end_step`, as do those within which a function that is read there may fall.
 """
 
 # mypy: disable-error-code="no-untyped-def"
@@ -27,9 +27,9 @@ from kickdyn.core.dop853 import COUNT, STAGES, WEIGHT, WHICH_RATE
 from kickdyn.core.validation import Array
 from kickdyn.flight import compiling, events
 from kickdyn.flight.compiling import LANES, LEFT, OPTIONS, SIGNATURE, SIZE, U, V, W, X, Z
-from kickdyn.flight.events import AT_REST, NUMBERS
+from kickdyn.flight.events import AT_REST, MOST_CHANGE, NUMBERS, PARTS, count_readings
 from kickdyn.flight.flight_result import ALOFT, FAILED, FURTHER, LANDED
-from kickdyn.flight.integrate import MAX_EVALUATIONS
+from kickdyn.flight.integrate import MAX_EVALUATIONS, PART_WEIGHTS
 
 STATES = 7
 
@@ -51,6 +51,7 @@ _OPTIONS: dict[str, Any] = {**OPTIONS, "_nrt": False}
 
 njit: Any = numba.njit(**_OPTIONS, **WITHIN)
 inlined: Any = numba.njit(**_OPTIONS, **WITHIN, forceinline=True)
+_count_readings = inlined(count_readings)
 
 
 class Flights(NamedTuple):
@@ -93,6 +94,10 @@ class Lanes(NamedTuple):
         scale: absolute tolerance of each state.
         point, value: states at an event or shortly after the launch, and the values of the events'
             functions there.
+        parts: values of the events' functions at both ends of the step and between its parts.
+        most: greatest change of the events' functions in a part of the step.
+        least: least sum of their values at both ends of a part, one of which is positive.
+        copies: numbers of the events of one flight, for all lanes.
         time, step, longest: at the beginning of the step, its length, its greatest length [s].
         error: estimated error of the step over the tolerated one.
         growth: factor of the next step that the error allows.
@@ -113,6 +118,10 @@ class Lanes(NamedTuple):
     scale: Array
     point: Array
     value: Array
+    parts: Array
+    most: Array
+    least: Array
+    copies: Array
     time: Array
     step: Array
     longest: Array
@@ -131,22 +140,25 @@ def march(
     flights: Flights,
     rtol: float,
     time_limit: float,
+    known: int,
 ) -> None:
     """Fill in nodes, status and evaluations of n flights.
 
     `code` is the machine code of `source`, `rates_of` what `compiled_rates` returns, `values_of`
-    what `compiled_ends` does.
+    what `compiled_ends` does. The functions of all events but the first `known` ones are also read
+    within the steps.
     """
     size = flights.numbers.shape[1] * LANES
     memory = Lanes._make([
         np.zeros((STAGES + 1, SIZE)), np.zeros((4, SIZE)), *np.zeros((2, 2, size // NUMBERS)),
         np.zeros(5 * LANES), np.zeros(size), *np.zeros((4, SIZE)), np.zeros(size // NUMBERS),
+        np.zeros((PARTS + 1, size // NUMBERS)), *np.zeros((2, size // NUMBERS)), np.zeros(size),
         *np.zeros((7, LANES)), np.full(LANES, -1), np.zeros(LANES, np.int64),
     ])  # fmt: skip
-    code(rates_of, values_of, flights, memory, float(rtol), float(time_limit))
+    code(rates_of, values_of, flights, memory, float(rtol), float(time_limit), known)
 
 
-def _march(rates_of, values_of, flights, lane, rtol, time_limit):
+def _march(rates_of, values_of, flights, lane, rtol, time_limit, known):
     """Fill in what `march` does: load flights into lanes, step all at once, see where each is."""
     _start(rates_of, values_of, flights, lane, rtol, time_limit)
     waiting, flying = 0, 0
@@ -163,10 +175,12 @@ def _march(rates_of, values_of, flights, lane, rtol, time_limit):
         _estimate_error(lane, rtol)
         _measure(values_of, lane, lane.new, lane.rates[STAGES], lane.end)
         _take_plain_steps(lane, time_limit)
+        if known * LANES < lane.end.shape[1]:
+            _read_parts(values_of, lane, known)
         for i in range(LANES):
             row = lane.row[i]
             if row >= 0 and lane.taken[i] == 0.0:
-                status = _end_step(values_of, i, flights, lane, time_limit)
+                status = _end_step(values_of, i, flights, lane, time_limit, known)
                 if status != _FLYING:
                     flights.status[row], flights.evaluations[row] = status, lane.calls[i]
                     lane.row[i], lane.step[i] = -1, 0.0
@@ -373,6 +387,77 @@ def _take_plain_steps(lane, time_limit):
 
 
 @inlined
+def _read_parts(values_of, lane, known):
+    """Read the functions of events between the parts of the step; not all steps are then plain."""
+    state, new, h, point = lane.state, lane.new, lane.sums[3], lane.point
+    rate, last, most, least = lane.rates[0], lane.rates[STAGES], lane.most, lane.least
+    for part in range(1, PARTS):
+        a, b, c, d = PART_WEIGHTS[part - 1]
+        for m in range(SIZE):
+            point[m] = a * state[m] + c * new[m] + h[m] * (b * rate[m] + d * last[m])
+        values_of(lane.numbers, point, lane.parts[part])
+    for k in range(len(most)):
+        lane.parts[0, k], lane.parts[PARTS, k] = lane.begin[VALUE, k], lane.end[VALUE, k]
+    for part in range(PARTS):
+        above, below = lane.parts[part], lane.parts[part + 1]
+        for k in range(len(most)):
+            change, total = abs(above[k] - below[k]), above[k] + below[k]
+            total = total if (above[k] > 0.0) | (below[k] > 0.0) else math.inf
+            most[k] = change if (part == 0) | (change > most[k]) else most[k]
+            least[k] = total if (part == 0) | (total < least[k]) else least[k]
+    for c in range(known * LANES, len(most), LANES):
+        for i in range(LANES):
+            possible = least[c + i] <= MOST_CHANGE * most[c + i]
+            lane.taken[i] = 0.0 if possible else lane.taken[i]
+
+
+@njit
+def _read_fall(values_of, i, h, lane, known):
+    """Return which event falls first within a lane's step, by reading, and about where.
+
+    Every lane of `point` has another state of the flight. A row of `sums` has the last values.
+
+    Returns:
+        The number of the event, or `_NO_EVENT`, and the fraction of the step after it.
+    """
+    speed, late_speed, last, events = 0.0, 0.0, lane.sums[0], lane.end.shape[1] // LANES
+    for c in range(U + i, LEFT, LANES):
+        speed += lane.state[c] ** 2
+        late_speed += lane.new[c] ** 2
+    count = _count_readings(h / PARTS, math.sqrt(max(speed, late_speed)))
+    for c in range(0, len(lane.numbers), LANES):
+        for j in range(LANES):
+            lane.copies[c + j] = lane.numbers[c + i]
+    for part in range(PARTS):
+        possible = False
+        for event in range(known, events):
+            k = event * LANES + i
+            last[event], above, below = 0.0, lane.parts[part, k], lane.parts[part + 1, k]
+            positive = (above > 0.0) | (below > 0.0)
+            possible |= positive & (above + below <= MOST_CHANGE * lane.most[k])
+        which, low, per = _NO_EVENT, part / PARTS, 1.0 / (count * PARTS)
+        number = count + 1 if possible else 0
+        while number > 0:
+            _interpolate(i, 1.0 - low, per, h, lane)
+            values_of(lane.copies, lane.point, lane.value)
+            fallen, j, most = _NO_EVENT, 0, min(number, LANES)
+            while j < most and fallen == _NO_EVENT:
+                for event in range(known, events):
+                    if last[event] > 0.0 >= lane.value[event * LANES + j]:
+                        fallen = event
+                if fallen == _NO_EVENT:
+                    for event in range(known, events):
+                        last[event] = lane.value[event * LANES + j]
+                    j += 1
+            low, number = low + j * per, number - j
+            if fallen != _NO_EVENT:  # it is read again, more closely
+                which, low, per, number = fallen, low - per, per / LANES, LANES + 1
+            if which != _NO_EVENT and (per < 1e-13 or number == 0):  # or rounding
+                return which, 1.0 - low
+    return _NO_EVENT, -1.0
+
+
+@inlined
 def _advance(lane, time_limit):
     """Go to the end of the step in the lanes where it is taken, and choose the next step there."""
     for i in range(LANES):
@@ -415,6 +500,19 @@ def _backward_cubic(ends):
 
 
 @inlined
+def _on_cubic(cubic, s):
+    p0, p1, p2, p3 = cubic
+    return p0 + s * (p1 + s * (p2 + s * p3))
+
+
+@inlined
+def _spin_cubic(i, h, lane):
+    """Return the coefficients of the fraction of the spin from the end of a step back."""
+    m, last = LEFT + i, lane.rates[STAGES]
+    return _backward_cubic((lane.state[m], h * lane.rates[0, m], lane.new[m], h * last[m]))
+
+
+@inlined
 def _find_fall(ends):
     """Return the fraction of a step from a function's fall through zero to the end of the step."""
     p0, p1, p2, p3 = _backward_cubic(ends)
@@ -437,7 +535,7 @@ def _find_fall(ends):
 @inlined
 def _correct_fall(values_of, i, event, s, h, lane):
     """Return the fraction of `_find_fall`, corrected by the function's value there."""
-    _interpolate(i, s, h, lane)
+    _interpolate(i, s, 0.0, h, lane)
     value = lane.point[W + i]
     if event != _CREST:
         values_of(lane.numbers, lane.point, lane.value)
@@ -450,9 +548,10 @@ def _correct_fall(values_of, i, event, s, h, lane):
 @inlined
 def _find_lowest(ends):
     """Return the fraction of a step after a function's least value, and that value."""
-    p0, p1, p2, p3 = _backward_cubic(ends)
+    cubic = _backward_cubic(ends)
+    _, p1, p2, p3 = cubic
     s = -p1 / (p2 + math.sqrt(max(p2 * p2 - 3.0 * p1 * p3, 0.0)))
-    return s, p0 + s * (p1 + s * (p2 + s * p3))
+    return s, _on_cubic(cubic, s)
 
 
 @njit
@@ -464,23 +563,39 @@ def _write_node(i, t, y, nodes, row, k):
 
 
 @inlined
-def _interpolate(i, s, h, lane):
-    """Put into `point` the states at a fraction before the end of a step.
+def _quintic(m, h, lane):
+    """Return the coefficients of a displacement from the end of a step back to its beginning.
 
-    A displacement is the quintic with the velocities and accelerations at both ends.
+    It has the velocities and accelerations at both ends.
     """
-    last = lane.rates[STAGES]
-    for c in range(i, U, LANES):
-        p0, p1, p2 = lane.new[c], -h * lane.new[U + c], 0.5 * h * h * last[U + c]
-        d = lane.state[c] - p0 - p1 - p2
-        e = -h * lane.state[U + c] - p1 - 2.0 * p2
-        f = h * h * lane.rates[0, U + c] - 2.0 * p2
-        p3, p4 = 10.0 * d - 4.0 * e + 0.5 * f, 7.0 * e - 15.0 * d - f
-        p5 = 6.0 * d - 3.0 * e + 0.5 * f
-        slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
-        lane.point[c] = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
-        lane.point[U + c] = -slope / h
-    lane.point[LEFT + i] = lane.new[LEFT + i] - s * h * last[LEFT + i]
+    n = U + m
+    p0, p1, p2 = lane.new[m], -h * lane.new[n], 0.5 * h * h * lane.rates[STAGES, n]
+    d = lane.state[m] - p0 - p1 - p2
+    e = -h * lane.state[n] - p1 - 2.0 * p2
+    f = h * h * lane.rates[0, n] - 2.0 * p2
+    p3, p4 = 10.0 * d - 4.0 * e + 0.5 * f, 7.0 * e - 15.0 * d - f
+    return p0, p1, p2, p3, p4, 6.0 * d - 3.0 * e + 0.5 * f
+
+
+@inlined
+def _on_quintic(quintic, s):
+    """Return a displacement at a fraction before the end, and the velocity times the step."""
+    p0, p1, p2, p3, p4, p5 = quintic
+    slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
+    return p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5)))), -slope
+
+
+@njit
+def _interpolate(i, s, per, h, lane):
+    """Put into lane j of `point` the states of a lane at a fraction s - j per before its end."""
+    for c in range(0, U, LANES):
+        quintic = _quintic(c + i, h, lane)
+        for j in range(LANES):
+            displacement, velocity = _on_quintic(quintic, s - j * per)
+            lane.point[c + j], lane.point[U + c + j] = displacement, velocity / h
+    cubic = _spin_cubic(i, h, lane)
+    for j in range(LANES):
+        lane.point[LEFT + j] = _on_cubic(cubic, s - j * per)
 
 
 @inlined
@@ -494,8 +609,10 @@ def _allowed(i, h, lane, time_limit):
 
 
 @inlined
-def _first_event(i, h, lane):
+def _first_event(i, h, lane, known):
     """Return the first event in a step of a lane, and the doubts about events in it.
+
+    All but the first `known` ones have been read within the step: only the doubts are of them.
 
     Returns:
         The number of the event, or `_NO_EVENT`; about which fraction of the step is left after it;
@@ -508,7 +625,7 @@ def _first_event(i, h, lane):
         start, rise, end, last_rise = ends
         unknown |= end != end
         if start > 0.0 >= end:
-            s = _find_fall(ends)
+            s = _find_fall(ends) if event < known else -1.0
             if s > before_end:
                 first, before_end = event, s
         elif start == 0.0 > end:
@@ -528,7 +645,7 @@ def _first_event(i, h, lane):
 
 
 @inlined
-def _end_step(values_of, i, flights, lane, time_limit):
+def _end_step(values_of, i, flights, lane, time_limit, known):
     """Reject a step, take it anew with another length, or take it; return the flight's status."""
     t, h, error, row = lane.time[i], lane.step[i], lane.error[i], lane.row[i]
     if lane.calls[i] > MAX_EVALUATIONS:
@@ -537,10 +654,19 @@ def _end_step(values_of, i, flights, lane, time_limit):
         shorter = h * max(0.2, lane.growth[i]) if error < math.inf else 0.2 * h
         lane.step[i], lane.rejected[i] = _allowed(i, shorter, lane, time_limit), 1.0
         return FAILED if shorter < lane.step[i] else _FLYING
-    first, before_end, again, unknown = _first_event(i, h, lane)
+    events = lane.end.shape[1] // LANES
+    fallen, after = _NO_EVENT, -1.0
+    if known < events:
+        fallen, after = _read_fall(values_of, i, h, lane, known)
+    first, before_end, again, unknown = _first_event(
+        i, h, lane, events if fallen == _NO_EVENT else known
+    )
+    if after > before_end:
+        first, before_end = fallen, after
     margin, resolvable = flights.tolerance[row, 4], h > max(100.0 * _EPS * t, 1e-300)
     if again == 1.0 and before_end > margin and resolvable:
-        before_end = _correct_fall(values_of, i, first, before_end, h, lane)
+        if first != fallen:
+            before_end = _correct_fall(values_of, i, first, before_end, h, lane)
         again = (1.0 - before_end) * (1.0 + 0.5 * margin)
     if again < 1.0 and resolvable:
         lane.step[i] = _allowed(i, again * h, lane, time_limit)
@@ -548,7 +674,7 @@ def _end_step(values_of, i, flights, lane, time_limit):
     if unknown and first < 0:  # the function of an event is not a number
         return FAILED
     if first != _NO_EVENT:
-        _interpolate(i, before_end, h, lane)
+        _interpolate(i, before_end, 0.0, h, lane)
         event_time = t + (1.0 - before_end) * h
         if lane.point[Z + i] > flights.nodes[row, 11]:
             _write_node(i, event_time, lane.point, flights.nodes, row, 8)
@@ -571,7 +697,8 @@ def source() -> Source:
     """Return the source of the machine code of `_march`."""
     vector, matrix, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
     flights = _named_tuple([*(matrix,) * 6, numba.int8[::1], integers], Flights)
-    lanes = _named_tuple([*(matrix,) * 4, *(vector,) * 14, integers, integers], Lanes)
+    kinds = *(matrix,) * 4, *(vector,) * 7, matrix, *(vector,) * 10, integers, integers
+    lanes = _named_tuple(kinds, Lanes)
     equations, number = numba.types.FunctionType(SIGNATURE), numba.float64
-    signature = numba.void(equations, equations, flights, lanes, number, number)
+    signature = numba.void(equations, equations, flights, lanes, number, number, numba.int64)
     return Source(_march, signature, _OPTIONS)

@@ -7,6 +7,7 @@ import pytest
 from tolerances import closed_form, integrated
 
 import kickdyn as kd
+from kickdyn.flight.batch import MARCH
 from kickdyn.flight.events import CREST, Event, end_at_launch, ground_event
 
 BALL, AIR = kd.Ball(), kd.Air()
@@ -51,6 +52,125 @@ def test_a_course_ends_at_an_event_wherever_the_ball_is(distance, bounced, on_gr
     assert course.status == "far"
     assert course.rest.position[0] == pytest.approx(30.0, rel=integrated(1e-10))
     assert (bool(course.bounces), bool(course.ground_phases)) == (bounced, on_ground)
+
+
+def larger(a, b):
+    return (a + b + abs(a - b)) / 2.0
+
+
+def length(*vector):
+    return sum(x**2 for x in vector) ** 0.5
+
+
+def tilted(state, n):  # a slab that turns as the spin decays
+    tangent = n[0] * (state[6] - n[3])
+    return abs((1 - tangent**2) * (state[0] - n[1]) + 2 * tangent * (state[2] - n[2])) - 0.1
+
+
+def one_of_two(state, n):
+    first, second = state[0] - n[0], state[0] - n[2]
+    return ((first**2 + (state[2] - n[1]) ** 2) ** 0.5 - n[3]) * (
+        (second**2 + (state[2] - n[1]) ** 2) ** 0.5 - n[3])  # fmt: skip
+
+
+KINDS = {
+    "sphere": (lambda s, n: ((s[0] - n[0]) ** 2 + (s[1] - n[1]) ** 2 + (s[2] - n[2]) ** 2) ** 0.5
+               - n[3], lambda p, r, s, draw: (*p, r)),
+    "square": (lambda s, n: (s[0] - n[0]) ** 2 + (s[1] - n[1]) ** 2 + (s[2] - n[2]) ** 2 - n[3]
+               ** 2, lambda p, r, s, draw: (*p, r)),
+    "post": (lambda s, n: ((s[0] - n[0]) ** 2 + (s[1] - n[1]) ** 2) ** 0.5 - n[3],
+             lambda p, r, s, draw: (p[0], p[1], 0.0, r)),
+    "slab": (lambda s, n: abs(n[0] * s[0] + n[1] * s[1] + n[2] * s[2] - 1.0) - n[3],
+             lambda p, r, s, draw: (1 / p[0], 0.1, -0.1 * p[1] / p[2], 0.1 * r)),
+    "box": (lambda s, n: larger(larger(abs(s[0] - n[0]), abs(s[1] - n[1])), abs(s[2] - n[2]))
+            - n[3], lambda p, r, s, draw: (*p, r)),
+    "speed": (lambda s, n: abs((s[3] ** 2 + s[4] ** 2 + s[5] ** 2) ** 0.5 - n[0]) - n[1],
+              lambda p, r, s, draw: (length(*s[3:6]), 0.1 * r)),
+    "height": (lambda s, n: abs(s[2] - n[0]) - n[1], lambda p, r, s, draw: (p[2], r)),
+    "tilted": (tilted, lambda p, r, s, draw: (draw.uniform(-300, 300), p[0], p[2], s[6])),
+    "one of two": (one_of_two, lambda p, r, s, draw: (p[0], p[2], p[0] + draw.uniform(-8, 8), r)),
+}  # fmt: skip
+"""Functions of events, and their numbers near a point of a path, at a distance from it."""
+
+
+def missed(fly_all, count):
+    """Return which of random events are missed that last 1 ms and 1 cm on a path, densely sampled.
+
+    Half of the crossings take less than 25 ms.
+    """
+    draw, paths, cases = np.random.default_rng(7), [], []
+    for velocity, spin in (((20, 0, 9), (0, -20, 0)), ((28, 2, 7), (10, -40, 20)),
+                           ((8, 3, 12), (0, 9, 0)), ((33, -4, 3), (0, -80, 30))):  # fmt: skip
+        path = kd.fly(kd.BallState((0, 0, 0.11), velocity, spin), BALL, AIR, kd.Ground())
+        times = np.arange(0.0, path.duration, 1e-4)
+        at = path.sample(times)
+        share = at.spin @ path.launch.spin / (path.launch.spin @ path.launch.spin)
+        paths.append((path.launch, times, np.vstack([at.position.T, at.velocity.T, share])))
+        paths[-1][2][:3] -= path.launch.position[:, None]
+    while len(cases) < count:
+        kind, (function, numbers_of) = list(KINDS.items())[len(cases) % len(KINDS)]
+        launch, times, states = paths[draw.integers(len(paths))]
+        state = states[:, draw.integers(500, len(times) - 500)]
+        offset = 10.0 ** draw.uniform(-2.5, -0.5) * draw.normal(size=3)
+        size = abs(offset).max() * draw.uniform(0.5, 3.0) + 10.0 ** draw.uniform(-2.5, -0.5)
+        numbers = numbers_of(state[:3] + offset, size, state, draw)
+        below = function(states, numbers) <= 0.0
+        falls = np.flatnonzero(~below[:-1] & below[1:])
+        if not falls.size or below[-1]:
+            continue
+        rise = falls[0] + 1 + int(np.argmin(below[falls[0] + 1 :]))
+        way = length(*(states[:3, rise] - states[:3, falls[0]]))
+        if times[rise] - times[falls[0]] > 1.2e-3 and way > 1.2e-2:
+            cases.append((kind, launch, numbers, times[falls[0]]))
+    found = np.zeros(count)
+    for kind in KINDS:
+        rows = [k for k in range(count) if cases[k][0] == kind]
+        found[rows] = fly_all(KINDS[kind][0], [cases[k][1:3] for k in rows])
+    expected = np.array([case[3] for case in cases])
+    return [
+        (*cases[k], found[k])
+        for k in np.flatnonzero(~((found >= expected - 1e-6) & (found <= expected + 1.01e-4)))
+    ]
+
+
+def by_fly(function, launched):
+    return [kd.fly(launch, BALL, AIR, kd.Ground(), ends=[Event("in", function, n)]).duration
+            for launch, n in launched]  # fmt: skip
+
+
+def by_fly_many(function, launched):
+    position, velocity, spin = (np.array([getattr(launch, name) for launch, _ in launched])
+                                for name in ("position", "velocity", "spin"))  # fmt: skip
+    columns = np.zeros((4, len(launched)))
+    for k, (_, n) in enumerate(launched):
+        columns[: len(n), k] = n
+    ends = [Event("in", function, tuple(columns))]
+    states = kd.BallState(position, velocity, spin)
+    return kd.fly_many(states, BALL, AIR, kd.Ground(), ends=ends).duration.values
+
+
+def test_an_event_that_comes_and_goes_within_a_step_is_not_missed():
+    assert missed(by_fly, 180) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fly_all", [by_fly, by_fly_many])
+def test_no_event_of_a_millisecond_is_missed(fly_all, monkeypatch):
+    monkeypatch.setattr(MARCH, "pays", lambda _: True)
+    assert missed(fly_all, 3000) == []
+
+
+@pytest.mark.parametrize("radius", [0.1, 0.3, 0.6])
+@pytest.mark.parametrize("speed", [3.0, 30.0, 100.0])
+def test_a_ball_in_a_vacuum_enters_a_sphere_in_its_way(radius, speed):
+    """It flies a parabola in two or three steps."""
+    centre = np.array([speed / 4, 0.0, 0.3])
+    sphere = Event("in", KINDS["sphere"][0], (*centre, radius))
+    path = kd.fly(kd.BallState(velocity=(speed, 0, 9.81 / 4)), BALL, None, ends=[sphere])
+    assert path.status == "in"
+    way = path.landing.position - centre
+    assert length(*way) == pytest.approx(radius, abs=integrated(1e-9) * speed)
+    assert path.landing.position[0] < centre[0]
 
 
 @pytest.mark.parametrize(("velocity", "rates", "ends"), [

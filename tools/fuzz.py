@@ -85,22 +85,51 @@ def seeds(kind: str) -> list[str]:
     if kind == "mesh":
         return meshes()
     if kind == "mjcf":
-        return [MJCF, *(file.read_text("utf-8") for file in mjcf_models())]
+        return [MJCF, COUPLED, *(file.read_text("utf-8") for file in mjcf_models())]
     if kind == "csv":
-        return [CSV, CSV.replace(",", " , "), CSV.replace("\n", "\r\n")]
+        semicolons = CSV.replace(",", ";").replace(".", ",").replace("x", "x [mm]")
+        titled = f"# a ball\nof a match\n{CSV}".replace("\n0.00", "\ns,m,m,m\n0.00")
+        return [CSV, CSV.replace(",", " , "), CSV.replace("\n", "\r\n"), semicolons, titled]
     if kind == "c3d":
         return [c3d()]
     if kind in ("netcdf", "zarr"):
         return sweeps(kind)
     if kind in ("trc", "mot", "reach"):
-        return {"trc": [TRC, TRC.replace("\tm\t", "\tmm\t")], "mot": [MOT], "reach": [reach()]}[
-            kind
-        ]
+        packed = TRC.replace("\tm\t", "\tmm\t").replace("knee\t\t\t", "knee\t")
+        states = MOT.replace("hip", "/hip/hip_r/value").replace("\t", "  ").replace("0.", "0,")
+        return {"trc": [TRC, packed], "mot": [MOT, states], "reach": [reach()]}[kind]
     if kind == "drives":
         return [file.read_text("utf-8") for file in sorted((ROOT / "drives").glob("*.toml"))]
     files = sorted((ROOT / "urdf").glob("*.urdf")) if kind == "urdf" else scenes()
-    return [file.read_text("utf-8") for file in files]
+    texts = [file.read_text("utf-8") for file in files]
+    return [*texts, with_gear(texts[-1]), XACRO] if kind == "urdf" else texts
 
+
+def with_gear(text: str) -> str:
+    """Return a URDF text whose last joint follows its first one, all of them continuous."""
+    names = re.findall(r'<joint name="([^"]*)" type="revolute"', text)
+    gear = f'<mimic joint="{names[0]}" multiplier="-0.5" offset="0.1"/></joint>'
+    start = text.index("</joint>", text.index(f'<joint name="{names[-1]}"'))
+    text = text[:start] + gear + text[start + len("</joint>") :]
+    return text.replace("revolute", "continuous")
+
+
+XACRO = """<robot name="leg" xmlns:xacro="http://www.ros.org/wiki/xacro">
+<xacro:property name="length" value="0.4"/><xacro:include filename="foot.xacro"/>
+<xacro:macro name="limb" params="name *origin"><link name="${name}"/></xacro:macro>
+<xacro:limb name="thigh"><origin xyz="0 0 ${-length}"/></xacro:limb></robot>"""
+
+COUPLED = """<mujoco model="arm"><compiler angle="radian"/>
+<worldbody><body name="upper"><joint name="a" axis="0 1 0"/><geom size="0.1" pos="0 0 -0.3"/>
+<body name="lower" pos="0 0 -0.4"><joint name="b" axis="0 1 0" ref="0.2" range="-2 2"/>
+<geom size="0.05" pos="0 0 -0.2"/><body name="foot" pos="0 0 -0.4">
+<joint name="c" type="slide" axis="1 0 0" limited="false"/><joint name="d" axis="0 0 1"/>
+<geom size="0.04"/></body></body></body></worldbody>
+<tendon><fixed name="both"><joint joint="a" coef="1"/><joint joint="b" coef="-2"/></fixed></tendon>
+<equality><joint joint1="b" joint2="a" polycoef="0.1 -0.5 0.2 0 0.01"/>
+<joint joint1="c" joint2="b" polycoef="0 0.1 0 0 0"/><weld body1="foot" active="false"/>
+<tendon tendon1="both" active="false"/></equality>
+<actuator><position tendon="both" kp="3" forcerange="-2 2"/></actuator></mujoco>"""
 
 MJCF = """<mujoco model="robot"><compiler angle="radian" autolimits="true" eulerseq="zyx"/>
 <option gravity="0 0 -9.81"/>
@@ -370,13 +399,17 @@ def run(kind: str, what: str, folder: Path) -> bool | None:
     return feeds[kind](what, folder)
 
 
+FACING = ("x", "y", "-x", "-y")
+"""Axes along which robots face."""
+
+
 def run_urdf(text: str, folder: Path) -> None:
     """Load a robot, and kick with it."""
     import kickdyn as kd
 
     file = folder / "robot.urdf"
     file.write_bytes(text.encode("utf-8", "surrogatepass"))
-    kicked(lambda: kd.Leg.from_urdf(file))
+    kicked(lambda: kd.Leg.from_urdf(file, facing=FACING[len(text) % 4]))
 
 
 def run_mjcf(text: str, folder: Path) -> None:
@@ -387,7 +420,8 @@ def run_mjcf(text: str, folder: Path) -> None:
     file.write_bytes(text.encode("utf-8", "surrogatepass"))
     names = re.findall(r'<body[^>]* name="([^"]*)"', text)
     base = "floating" if len(text) % 2 else "fixed"
-    leg = kicked(lambda: kd.Leg.from_mjcf(file, names[-1] if names else "toe", base=base))
+    facing, frame = FACING[len(text) // 2 % 4], names[-1] if names else "toe"
+    leg = kicked(lambda: kd.Leg.from_mjcf(file, frame, base=base, facing=facing))
     if leg is not None:
         leg.file.visuals()
 
@@ -446,6 +480,8 @@ def run_track(text: str, folder: Path) -> bool:
     content = text.encode("latin-1", "replace") if is_c3d else text.encode("utf-8", "surrogatepass")
     file.write_bytes(content)
     try:
+        if is_c3d and len(text) % 2:
+            return len(kd.BodyTrack.from_c3d(file)) > 0
         track = kd.Track.from_c3d(file) if is_c3d else kd.Track.from_csv(file)
     except kd.KickdynError as refusal:
         said = str(refusal)

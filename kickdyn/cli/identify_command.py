@@ -47,7 +47,7 @@ class MeasurementOptions:
     )
 
     def load(self, file: str) -> Track:
-        """Return the track of a file of comma-separated values, or of a C3D file."""
+        """Return the track of a file of values in columns, or of a C3D file."""
         if file.lower().endswith(".c3d"):
             return Track.from_c3d(file, self.marker)
         if self.marker is not None:
@@ -89,9 +89,9 @@ def identify(
     The mean of the drag coefficient over all flights follows, with the scatter from flight to
     flight. The plot shows the longest flight, the 3-D page the 8 longest.
 
-    TRACK is a file of comma-separated values, whose first row names the columns, in seconds and
-    metres, with z upwards; or a file that ends in .c3d. With --start or --end, the samples between
-    them are one flight.
+    TRACK is a file of values in columns, which a row names, in seconds and metres or units behind
+    the names, with z upwards; or a file that ends in .c3d. With --start or --end, the samples
+    between them are one flight.
 
     Example: kickdyn identify track.csv --drag brazuca --plot flight.png
     """

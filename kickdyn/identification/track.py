@@ -74,7 +74,7 @@ SEPARATORS = (",", ";", "\t", None)
 COMMENTS = ("#", "%")
 """Beginnings of lines that are comments."""
 
-MISSING = {"", "na", "n/a", "nan", "null", "none", "-"}
+MISSING = {"", "na", "n/a", "nan", "null", "none"}
 """What stands for a value that is missing, in lower case."""
 
 MOST_LETTERS = 100
@@ -286,7 +286,8 @@ def _read_rows(lines: Sequence[str], names: Sequence[str]) -> tuple[Array, list[
     for number, line in enumerate(lines[first:], start=first + 1):
         row = _cells(line, separator)
         cells = [row[place] if place < len(row) else "" for place, _ in columns]
-        if (row and row[0].startswith(COMMENTS)) or any(x.lower() in MISSING for x in cells):
+        is_gap = any(x.lower().lstrip("+-") in MISSING for x in cells)
+        if is_gap or row[0].startswith(COMMENTS):
             continue
         if number == first + 1:
             given = [

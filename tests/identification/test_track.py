@@ -88,7 +88,7 @@ def written(sizes, mark=","):
     '"t", "x", "y", "z"\n' + "\n".join(f'"{line}"' for line in written((1, 1), '","').split("\n")),
     "t,x,y,z,\n" + PLAIN.replace("\n", ",\n") + ",", "i,t,y,x,z\n"
     + "\n".join(f"{k},{t},{y},{x},{z}" for k, (t, x, y, z) in enumerate(ROWS.tolist())),
-    NAMES + PLAIN + "\n0.6,NA,nan,\n\n",
+    NAMES + PLAIN + "\n0.6,NA,-nan,-\n\n",
 ], ids=range(20))  # fmt: skip
 def test_csv_files_of_all_dialects_are_one_track(tmp_path, text):
     file = tmp_path / "track.csv"

@@ -77,6 +77,7 @@ FORMULAS = {
         map(azimuth, [run.ball_after for run in noisy.runs]), azimuth(one("plan").launch)),
     ("noisy runs", "miss, 90% of the runs"): lambda noisy: max(noisy.misses),
     ("body", "duration"): lambda body: 0.09,
+    ("file", "rate"): lambda found: found.rows[0][1],
 }  # fmt: skip
 """Rows that are computed from attributes, in SI units."""
 

@@ -305,11 +305,10 @@ def _check_meshes(found: _Found, leg: Leg) -> None:
     reasons = {name: why for name in body_frames(leg) if (why := find_unread(leg, name))}
     if reasons:
         name, *others = reasons
-        more = f", nor those of {listed(others, 5)}" if others else ""
-        found.problems.append(
-            f"the shape of {name} cannot be read ({reasons[name]}){more}: --package-dir "
-            "(package_dirs) names the folder of the meshes"
-        )
+        more = f"; nor can those of {listed(others, 5)}" if others else ""
+        known = "--package-dir" in reasons[name]
+        remedy = "" if known else "; --package-dir (package_dirs) names the folder of the meshes"
+        found.problems.append(f"the shape of {name} cannot be read ({reasons[name]}){more}{remedy}")
 
 
 def _swept(leg: Leg) -> list[str]:

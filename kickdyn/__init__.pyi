@@ -5,7 +5,6 @@ __version__: str
 from .air import Air as Air
 from .ball import Ball as Ball
 from .ball import BallState as BallState
-from .cli.check_file import FileCheck as FileCheck
 from .cli.check_file import check as check
 from .contact import Contact as Contact
 from .errors import InvalidInput as InvalidInput

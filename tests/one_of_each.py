@@ -8,6 +8,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 import kickdyn as kd
+from kickdyn.cli.check_file import FileCheck
 from kickdyn.identification.infer_impact import RestitutionFit
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.reach import ReachRow, ReachTable
@@ -151,6 +152,7 @@ MADE = {
         np.array([[8, 0.7], [16.5, 0.61]]), np.array([0.02, 0.034]), 0.05
     ),
     "body": body,
+    "file": lambda: FileCheck("ball track", (("rate", 49.7, "Hz"),), ("no z",), ("kickdyn plan",)),
     "leg motion": leg_motion,
     "contact motion": lambda: leg_motion().at_contact(),
     "learner": learner,

@@ -78,6 +78,7 @@ FORMULAS = {
         map(azimuth, [run.ball_after for run in noisy.runs]), azimuth(one("plan").launch)),
     ("noisy runs", "miss, 90% of the runs"): lambda noisy: max(noisy.misses),
     ("body", "duration"): lambda body: 0.09,
+    ("file", "rate"): lambda found: found.rows[0][1],
 }  # fmt: skip
 """Rows that are computed from attributes, in SI units."""
 
@@ -94,29 +95,11 @@ OF_JOINTS = {
 
 
 TEXTS = {
-    "method",
-    "another",
-    "residuals",
-    "digits at least",
-    "incomplete frames",
-    "gaps of b",
-    "ball",
-    "contact",
-    "air",
-    "ground",
-    "nearest",
-    "solref",
-    "solimp",
-    "solreffriction",
-    "goal, speed",
-    "goal, direction",
-    "error, speed x 0.5",
-    "0, 35 deg",
-    "hit the ball",
-    "elevation error",
-    "miss, 50% of the runs",
-    "warning",
-}
+    "method", "another", "residuals", "digits at least", "incomplete frames", "gaps of b", "ball",
+    "contact", "air", "ground", "nearest", "solref", "solimp", "solreffriction", "goal, speed",
+    "goal, direction", "error, speed x 0.5", "0, 35 deg", "hit the ball", "elevation error",
+    "miss, 50% of the runs", "warning",
+}  # fmt: skip
 """Rows with numbers in a text of several words, or whose like is compared."""
 
 

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from kickdyn.ball import Ball
 from kickdyn.core import validation
-from kickdyn.core.files import check_file, read_text, read_toml
+from kickdyn.core.files import check_file, finite, read_text, read_toml
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput
@@ -60,20 +60,8 @@ LONGEST_HEADER = 10_000
 """Characters of the first row of a ball track that are read for its columns."""
 
 NO_AXES = {
-    "ball",
-    "pos",
-    "position",
-    "centre",
-    "center",
-    "m",
-    "s",
-    "sec",
-    "mm",
-    "cm",
-    "ms",
-    "ft",
-    "in",
-}
+    "ball", "pos", "position", "centre", "center", "m", "s", "sec", "mm", "cm", "ms", "ft", "in",
+}  # fmt: skip
 """Words in the names of columns that do not say which axis it is."""
 
 OTHER_UNIT = re.compile(r"[^a-zA-Z](mm|cm|ms|ft|in)\b")
@@ -113,7 +101,9 @@ class FileCheck(ReprMixin):
 
 
 def _plain_value(value: object) -> Any:
-    numbers = isinstance(value, int | float | np.generic | np.ndarray)
+    if isinstance(value, float):
+        return finite(float(value))
+    numbers = isinstance(value, int | np.generic | np.ndarray)
     return np.asarray(value).tolist() if numbers else format_value(value)
 
 
@@ -157,7 +147,8 @@ def check(path: str | PathLike[str], package_dirs: Iterable[str | PathLike[str]]
         if ending not in READERS:
             raise InvalidInput(f"its name must end in {', '.join(READERS)}, whichever it is")
         found.kind, read = READERS[ending]
-        read(found)
+        with np.errstate(all="ignore"):  # a file may have numbers of any size
+            read(found)
     except InvalidInput as error:
         found.problems += error.faults
     return FileCheck(found.kind, tuple(found.rows), tuple(found.problems), tuple(found.commands))
@@ -305,11 +296,10 @@ def _check_meshes(found: _Found, leg: Leg) -> None:
     reasons = {name: why for name in body_frames(leg) if (why := find_unread(leg, name))}
     if reasons:
         name, *others = reasons
-        more = f", nor those of {listed(others, 5)}" if others else ""
-        found.problems.append(
-            f"the shape of {name} cannot be read ({reasons[name]}){more}: --package-dir "
-            "(package_dirs) names the folder of the meshes"
-        )
+        more = f"; nor can those of {listed(others, 5)}" if others else ""
+        known = "--package-dir" in reasons[name]
+        remedy = "" if known else "; --package-dir (package_dirs) names the folder of the meshes"
+        found.problems.append(f"the shape of {name} cannot be read ({reasons[name]}){more}{remedy}")
 
 
 def _swept(leg: Leg) -> list[str]:

@@ -62,17 +62,6 @@ def test_a_human_leg_of_a_size():
     assert leg.model == right.model
 
 
-def test_stiff_joints_and_the_velocity_of_the_base():
-    leg, _ = loaded("--stiff", "ankle", "--stiff", "knee", "--base-velocity", "3,0,1",
-                    "--base-angular-velocity", "0,0.5,0")  # fmt: skip
-    right = kd.Leg.human().with_stiff_joints("ankle", "knee")
-    right = right.with_base_velocity((3, 0, 1), (0, 0.5, 0))
-    assert leg.stiff_joints == right.stiff_joints
-    point = leg.posture([0.2, 0.3, 0.1]).contact_point
-    velocity = leg.posture([0.2, 0.3, 0.1]).point_velocity(np.zeros(3))
-    assert velocity == pytest.approx((3 + 0.5 * point[2], 0, 1 - 0.5 * point[0]))
-
-
 @pytest.mark.parametrize(("words", "rotor"), [
     ((), None), (("--drives", "none"), 0.0), (("--drives", "drives.toml"), 0.02)
 ], ids=["the robot's own", "none", "a file"])  # fmt: skip
@@ -154,7 +143,6 @@ def test_joints_of_an_mjcf_are_locked_before_it_is_judged(name, tmp_path):
     ([*BOLT, "--support", "tow"], "'tow'", "FL_FOOT"),
     (["--leg", "hunam"], "'hunam'", "human, testbed"),
     (["--leg", "human:height=x"], "'height=x'", "height=METRES"),
-    (["--package-dir", "/", "--leg", "g1"], "'/'", "a file"),
     (["--facing", "y", "--leg", "g1"], "'y'", "faces x"),
 ], ids=lambda value: " ".join(value) if isinstance(value, list) else "")  # fmt: skip
 def test_a_bad_option_is_named_with_what_is_valid(words, value, valid):

@@ -156,14 +156,6 @@ def test_an_unreachable_goal_ends_with_2_and_the_nearest_one(line, limit, neares
 
 
 @pytest.mark.slow
-def test_a_robot_with_a_goal_beyond_its_limits_gets_as_far_as_they_allow(kickdyn):
-    document = kickdyn("plan --distance 60 --time 2 --leg g1 --json -").json
-    assert document["status"] == "beyond-limits"
-    assert 0 < document["share"] < 1
-    assert document["leg"]["speed_use"] <= 1
-
-
-@pytest.mark.slow
 def test_a_motion_begins_and_ends_at_rest_and_has_the_velocity_of_the_impact(kickdyn, tmp_path):
     line = "--distance 10 --time 1 --motion --view kick.html --plot m.svg --json kick.json"
     ended = kickdyn(f"plan {line} --out m.csv")

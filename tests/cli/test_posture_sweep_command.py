@@ -43,8 +43,10 @@ OPTIONS = {
     "--air paper --drag sphere": {"air": kd.Air.paper(drag="sphere")},
     "--leg testbed": {"leg": kd.Leg.testbed()},
     "--frame foot": {"leg": load_leg("human", "foot")},
-    "--stiff ankle": {"leg": kd.Leg.human().with_stiff_joints("ankle")},
-    "--base-velocity 0.2,0,0.1": {"leg": kd.Leg.human().with_base_velocity((0.2, 0, 0.1))},
+    "--stiff ankle --stiff knee": {"leg": kd.Leg.human().with_stiff_joints("ankle", "knee")},
+    "--base-velocity 0.2,0,0.1 --base-angular-velocity 0,0.5,0": {
+        "leg": kd.Leg.human().with_base_velocity((0.2, 0, 0.1), (0, 0.5, 0))
+    },
 }  # fmt: skip
 """Options, and the arguments of `Kick` and the leg that are not those of the default kick."""
 

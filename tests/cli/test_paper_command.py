@@ -5,6 +5,7 @@ import pytest
 from kickdyn.paper.reproduce import chosen
 
 
+@pytest.mark.processor_limit(6)
 @pytest.mark.parametrize("only", ["table 2", "fig 8"])
 def test_a_section_has_the_items_of_the_library(only, kickdyn):
     (section,) = chosen(only)

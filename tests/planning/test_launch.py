@@ -121,6 +121,7 @@ def test_a_family_turns_at_the_slowest_launch_of_the_vacuum(speed, falls):
         assert turning.speed == pytest.approx(slowest, rel=optimized(1e-7))
 
 
+@pytest.mark.processor_limit(6)
 def test_a_curved_kick_passes_beside_the_wall_within_the_spin_limit():
     goal = kd.Goal((22, 3, 2.2), time=1.1, beside=(9.15, 0.8))
     launch = kd.plan_launch(goal, BALL, AIR)

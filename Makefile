@@ -35,7 +35,7 @@ notebooks: $(VENV)/.dev browser
 
 ## test: all that protects users, about 2 minutes on 2 idle cores once everything is installed and compiled
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest -n auto -m "not slow" --processor-limit 2 $(PYTEST_OPTIONS)
+	$(BIN)/python -m pytest -n auto -m "not slow" --processor-limit 4 $(PYTEST_OPTIONS)
 
 ## test-slow: notebooks, the site of the docs, pages in a browser, motions, MuJoCo, clusters, extremes; about 5 minutes on 2 idle cores
 test-slow: $(VENV)/.dev browser

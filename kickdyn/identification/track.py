@@ -59,7 +59,10 @@ SOUND = 340.0
 FASTEST_BALL = 60.0
 """Speed of a kicked ball [m/s] above which other units do not explain it either."""
 
-METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "inch": 0.0254}
+METRES = {
+    "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "inch": 0.0254, "millimeters": 1e-3,
+    "centimeters": 1e-2, "meters": 1.0,
+}  # fmt: skip
 """Units of lengths in files [m]."""
 
 UNITS = {"s": 1.0, "ms": 1e-3}, METRES, METRES, METRES

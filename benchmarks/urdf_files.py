@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 
 import kickdyn as kd
 from kickdyn.robot.catalog import robots_folder
+from kickdyn.robot.mjcf_file import quiet_mujoco
 
 MOVING = ("revolute", "continuous", "prismatic")
 
@@ -130,7 +131,8 @@ def _last_body(path: str) -> str:
     import mujoco
 
     try:
-        model = mujoco.MjModel.from_xml_path(path)
+        with quiet_mujoco():
+            model = mujoco.MjModel.from_xml_path(path)
     except ValueError:
         return ""
     bodies = model.jnt_bodyid[model.jnt_type >= int(mujoco.mjtJoint.mjJNT_SLIDE)]

@@ -54,7 +54,7 @@ class Event:
     part of the step in which it changes most; where it could then fall to zero, it is read every
     1 ms or, if the ball takes longer for that, every 1 cm of its way. So an event is found if its
     function is negative for 1 ms and along 1 cm, be it a distance from a post of any thickness. A
-    function that jumps, such as 1 outside of a box and -1 inside, is found if it is negative for an
+    function that jumps, such as 1 outside of a box and -1 inside, is found if it is negative for a
     sixth of a step, some 40 ms: write how far the ball is from the box instead.
 
     Attributes:

@@ -33,11 +33,11 @@ notebooks: $(VENV)/.dev browser
 	@echo "This takes about a minute, and longer on the first run, which compiles."
 	$(BIN)/python tools/notebook_outputs.py
 
-## test: all that protects users, about 2 minutes on 2 idle cores once everything is installed and compiled
+## test: all that protects users, 2 to 4 minutes on 2 idle cores once everything is installed and compiled
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n auto -m "not slow" --processor-limit 4 $(PYTEST_OPTIONS)
 
-## test-slow: notebooks, the site of the docs, pages in a browser, motions, MuJoCo, clusters, extremes; about 5 minutes on 2 idle cores
+## test-slow: notebooks, the site of the docs, pages in a browser, motions, MuJoCo, clusters, extremes; 5 to 10 minutes on 2 idle cores
 test-slow: $(VENV)/.dev browser
 	$(BIN)/python -m pytest -n auto -m slow $(PYTEST_OPTIONS)
 

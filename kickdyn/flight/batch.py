@@ -69,7 +69,7 @@ def fly_many(
 
     The results are as from `fly`. Some hundred flights are computed by it, one after the other.
     Machine code, which is a hundred times as fast, is loaded or compiled when the calls of a
-    process have taken as long as that would, half a second or nine; a new air, ball or event then
+    process have taken as long as that would, half a second or twelve; a new air, ball or event then
     takes another one. Both ways keep the tolerance, with errors of their own.
 
     Args:
@@ -212,7 +212,7 @@ def _source() -> Source:
     return march.source()
 
 
-MARCH = MachineCode(_source, "the integration of flights", 9.0)
+MARCH = MachineCode(_source, "the integration of flights", 12.0)
 """With the equations of motion, which are compiled for each ball and air."""
 
 

@@ -168,10 +168,14 @@ def thrown(header, scale=1.0, without=()):
 
 @pytest.mark.parametrize("header", [
     "time,X,Y,Z", "Time (s),X [m],Y [m],Z [m]", "t_s,ball_x_m,ball_y_m,ball_z_m",
+    "t,x_mm,y_mm,z_mm",
 ])  # fmt: skip
 def test_usual_names_of_columns_are_found(header, kickdyn, written):
-    file = written("track.csv", thrown(header, without=[0.4, 0.42]))
+    scale = 1000.0 if "_mm" in header else 1.0
+    file = written("track.csv", thrown(header, scale, without=[0.4, 0.42]))
     seen = rows(file)
+    assert kd.check(file).problems == ()
+    assert seen["highest corner"][0][0] == pytest.approx(8.0 * 39 / 50)
     assert seen["columns"][0].split(", ") == header.split(",")
     assert seen["gaps in time"] == (1, "the longest 0.06 s, from 0.38 s")
     (command,) = kd.check(file).commands

@@ -28,8 +28,10 @@ def test_a_step_by_the_table_is_scipys():
     agrees(y + h * weighted(STAGES), solver.y, closed_form())
     k[STAGES] = rates(h, solver.y)
     agrees(k, solver.K, closed_form())
-    agrees(weighted(STAGES + 1), k.T @ DOP853.E5, closed_form(1e4))
-    agrees(weighted(STAGES + 2), k.T @ DOP853.E3, closed_form(1e4))
+    # the estimates of the error are small differences of rates: they agree on the scale of these
+    rounding = closed_form() * np.abs(k).max()
+    np.testing.assert_allclose(weighted(STAGES + 1), k.T @ DOP853.E5, rtol=0, atol=rounding)
+    np.testing.assert_allclose(weighted(STAGES + 2), k.T @ DOP853.E3, rtol=0, atol=rounding)
 
 
 def test_kept_stages_interpolate_the_step_before():

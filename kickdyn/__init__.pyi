@@ -45,7 +45,9 @@ from .impact.strike import strike as strike
 from .impact.strike_many import strike_many as strike_many
 from .impact.uncertainty import Uncertainty as Uncertainty
 from .impact.unilateral import unilateral_strike as unilateral_strike
+from .motion.check_motion import check_motion as check_motion
 from .motion.motion import Motion as Motion
+from .motion.read_motion import read_motion as read_motion
 from .plane import Plane as Plane
 from .planning.goal import Goal as Goal
 from .planning.interception import IncomingBall as IncomingBall

@@ -10,6 +10,7 @@ from kickdyn.cli.command import HELP_OPTIONS, run
 
 COMMANDS = {
     "check": "Say what kickdyn sees in a file, and what is wrong with it.",
+    "check-motion": "Strike a ball in each frame of a recorded motion.",
     "posture-sweep": "Kick from a grid of postures.",
     "plan": "Plan a kick for a given target.",
     "reach": "Find the largest launch in each direction.",

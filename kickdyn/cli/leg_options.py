@@ -38,14 +38,16 @@ def load_leg(
     locked: Mapping[str, float] | None = None,
     drives: str | bool = True,
     facing: str = "x",
+    *,
+    legs_only: bool = True,
 ) -> Leg:
     """Return a leg by one of the names `LEGS` or of robot_descriptions, or of a URDF or MJCF file.
 
     On a `fixed` base, a robot is its kicking leg; on a `floating` one, both legs and the base. The
     contact frame is by default a robot's toe, or the frame `toe` of a file; a file's meshes may be
     in the folders `package_dirs`; `locked` has values of joints that do not move [deg; m for
-    prismatic joints]; `drives` are as for `Leg.from_robot`. Raises `InvalidInput`, or `FaultyFile`
-    if the file is refused.
+    prismatic joints]; `drives` and `legs_only` are as for `Leg.from_robot`. Raises
+    `InvalidInput`, or `FaultyFile` if the file is refused.
     """
     if name.startswith("human:"):
         size = _read_size(name)
@@ -61,9 +63,9 @@ def load_leg(
     degrees = InDegrees(locked or {})
     if name in ROBOTS:
         robot = Leg.from_robot(
-            name, frame, base=base, legs_only=True, locked=degrees, drives=drives
+            name, frame, base=base, legs_only=legs_only, locked=degrees, drives=drives
         )
-        return robot if base == "floating" else kicking_chain(robot).leg
+        return robot if base == "floating" or not legs_only else kicking_chain(robot).leg
     if described and not os.path.exists(name):  # noqa: PTH110
         return Leg.from_robot(name, frame, base=base, locked=degrees, drives=drives, facing=facing)
     if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
@@ -149,20 +151,25 @@ class LegOptions:
         help="Axis along which the robot of a file faces; its base is turned to face x.",
     )  # fmt: skip
 
-    def load(self) -> Leg:
+    def load(self, *, whole: bool = False, base: str | None = None) -> Leg:
         """Return the leg, its warnings written to standard error.
 
         A leg that stands on a support has a floating base, which could not move otherwise.
+
+        Args:
+            whole: whether a robot has all its joints, and a floating base.
+            base: `fixed` or `floating`, in place of the usual one.
         """
         locked, loops, supports = self._read_locked(), self._read_loops(), self._read_supports()
-        base = "floating" if supports else "fixed"
+        is_robot = self.leg_name not in SHIPPED and not self.leg_name.startswith("human:")
+        base = base or ("floating" if supports or (whole and is_robot) else "fixed")
         drives = self.drives != "none" and (self.drives or True)
         try:
             leg = load_with_surface(
                 self.frame,
                 partial(
                     load_leg, self.leg_name, base=base, package_dirs=self.package_dirs,
-                    locked=locked, drives=drives, facing=self.facing,
+                    locked=locked, drives=drives, facing=self.facing, legs_only=not whole,
                 ),
             )  # fmt: skip
         except InvalidInput:

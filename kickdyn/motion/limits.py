@@ -25,7 +25,6 @@ import casadi as ca
 import numpy as np
 
 from kickdyn.core.validation import Array
-from kickdyn.motion.symbolic_tree import SymbolicTree
 from kickdyn.robot.ground_clearance import Spheres
 from kickdyn.robot.muscle_torque import muscle_share
 from kickdyn.robot.standing import Foot, StandingRobot, sole_edges
@@ -55,7 +54,8 @@ class Sample:
     """A moment of the motion, or the impact, in CasADi's symbols.
 
     Attributes:
-        tree: its kinematics, with the symbols q, v and a.
+        tree: its kinematics, a `SymbolicTree`; limits of joints need its q and v only, which may be
+            numbers.
         torque: of the joints, shape `(n,)` [N m; N].
         wrench: of the ground on the root, force, then moment about the world's origin, `(6,)`
             [N, N m]; in the impact, its impulse [N s, N m s].
@@ -63,7 +63,7 @@ class Sample:
         resting: torques of the joints at rest, shape `(k,)` [N m; N].
     """
 
-    tree: SymbolicTree
+    tree: Any
     torque: Any
     wrench: Any
     size: float
@@ -106,9 +106,13 @@ class Limit(ABC):
 
     def describe(self, label: str, margin: float, time: float) -> str:
         """Return a sentence about a row whose margin is below 0 at a time [s]."""
+        return f"{self.breach(label, margin)}, {when(time)}"
+
+    def breach(self, label: str, margin: float) -> str:
+        """Return a sentence about a row whose margin is below 0, without the time."""
         amount = f"{-1e3 * margin:.1f} mm" if self.unit == "m" else f"{-margin:.2g} {self.unit}"
         excess = f"{-100 * margin:.1f} %" if not self.unit else amount
-        return f"{label} is beyond its limit by {excess}, {when(time)}"
+        return f"{label} is beyond its limit by {excess}"
 
 
 class TorqueLimit(Limit):

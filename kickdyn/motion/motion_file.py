@@ -46,19 +46,8 @@ class MotionSamples(NamedTuple):
 
     @property
     def joints(self) -> list[str]:
-        """Names of the joints, without a floating base, in the order of the model.
-
-        Raises:
-            InvalidInput: a joint of several degrees of freedom, which the formats do not have.
-        """
-        names = list(self.leg.joint_names[is_floating(self.leg) :])
-        several = [name for name in names if name not in self.leg.single_joints]
-        if several:
-            raise InvalidInput(
-                f"joint {several[0]!r} has several degrees of freedom: files of motions have "
-                "joints of one"
-            )
-        return names
+        """Names of the joints in a file, see `file_joints`."""
+        return file_joints(self.leg)
 
     @property
     def joint_columns(self) -> list[int]:
@@ -82,9 +71,30 @@ class MotionSamples(NamedTuple):
             return np.zeros((len(self.t), 0))
         base = self.leg.model.jointPlacements[1]
         poses = np.array([pin.SE3ToXYZQUAT(base * pin.XYZQUATToSE3(q[:7])) for q in self.q])
-        flipped = np.sum(poses[1:, 3:] * poses[:-1, 3:], axis=1) < 0.0
-        poses[1:, 3:] *= np.where(np.cumsum(flipped) % 2, -1.0, 1.0)[:, None]
-        return poses
+        return np.hstack([poses[:, :3], continuous(poses[:, 3:])])
+
+
+def continuous(quaternions: Array) -> Array:
+    """Return quaternions, shape `(k, 4)`, of which neighbours have the same sign."""
+    flipped = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
+    signs = np.where(np.cumsum(flipped) % 2, -1.0, 1.0)
+    return np.vstack([quaternions[:1], quaternions[1:] * signs[:, None]])
+
+
+def file_joints(leg: Leg) -> list[str]:
+    """Return the joints of a leg without a floating base, in the order of the model.
+
+    Raises:
+        InvalidInput: a joint of several degrees of freedom, which the formats do not have.
+    """
+    names = list(leg.joint_names[is_floating(leg) :])
+    several = [name for name in names if name not in leg.single_joints]
+    if several:
+        raise InvalidInput(
+            f"joint {several[0]!r} has several degrees of freedom: files of motions have "
+            "joints of one"
+        )
+    return names
 
 
 def write_motion(samples: MotionSamples, file: str | os.PathLike[str]) -> None:

@@ -10,6 +10,9 @@ from kickdyn.core.plot_style import styled
 TIMES = 400
 """Number of times before the impact, and as many after it, that are drawn."""
 
+LINES = 5
+"""Number of broken limits that are drawn."""
+
 
 @styled()
 def motion_figure(motion: Any) -> Figure:
@@ -52,4 +55,34 @@ def motion_figure(motion: Any) -> Figure:
         axes.axvline(0.0, color="0.6", linewidth=1, linestyle=":")
     rows[-1].set_xlabel("time from the impact [s]")
     figure.suptitle((robot.name or "leg").replace("$", r"\$"))
+    return figure
+
+
+@styled()
+def check_figure(check: Any) -> Figure:
+    """Draw launches of a `MotionCheck` over time, the place of the ball, and broken limits."""
+    table = check.launches
+    time, centre = table.time.values, table.ball_position.values
+    figure = Figure(figsize=(9.0, 9.0))
+    rows = figure.subplots(4, 1, sharex=True)
+    for axes, label, values in (
+        (rows[0], "ball speed [m/s]", table.ball_speed.values[:, None]),
+        (rows[1], "elevation [deg]", np.degrees(table.elevation.values)[:, None]),
+        (rows[2], "centre of the ball [m]", centre[:, :2]),
+    ):
+        axes.plot(time, values)
+        axes.set_ylabel(label)
+    rows[2].legend(rows[2].lines, ["x", "y"])
+    worst = sorted(check.broken, key=lambda limit: -limit.frames)[:LINES]
+    for limit in worst:
+        name = limit.name if limit.unit == "1" else f"{limit.name} [{limit.unit}]"
+        rows[3].plot(time, check.margins[name], label=name.replace("$", r"\$"))
+    rows[3].set_ylabel("margin")
+    if worst:
+        rows[3].legend()
+    for axes in rows:
+        if check.best is not None:
+            axes.axvline(time[check.best], color="0.6", linewidth=1, linestyle=":")
+    rows[3].set_xlabel("time [s]")
+    figure.suptitle((check.motion.leg.name or "leg").replace("$", r"\$"))
     return figure

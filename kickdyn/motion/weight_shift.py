@@ -93,26 +93,6 @@ class Feet:
             q[columns] -= np.linalg.solve(rows[:, columns], error)
         return q
 
-    def split(self, wrench: Array, anchors: Array) -> tuple[Array, Array]:
-        """Return the wrenches on the supporting and on the other foot, `(6,)` each.
-
-        Args:
-            wrench: their sum, about the world's origin.
-            anchors: the points c of both soles, shape `(2, 2)` [m].
-        """
-        force, moment = np.split(wrench, 2)
-        centre = np.array([-moment[1], moment[0]]) / force[2]
-        way = anchors[1] - anchors[0]
-        share = float(np.clip((centre - anchors[0]) @ way / (way @ way), 0.0, 1.0))
-        share = share if share > UNLOADED else 0.0
-        twist = moment[2] - np.cross([*centre, 0.0], force)[2]
-        offset = centre - anchors[0] - share * way
-        parts = [
-            part * np.concatenate([force, np.cross([*place, 0.0], force) + twist * UP])
-            for part, place in zip((1.0 - share, share), anchors + offset, strict=True)
-        ]
-        return parts[0], parts[1]
-
 
 @dataclass(frozen=True, eq=False)
 class WeightShift:
@@ -171,7 +151,7 @@ class WeightShift:
             placement: `pin.SE3` of the supporting frame in the world.
         """
         turn = placement * self.feet.standing.placement.inverse()
-        parts = self.feet.split(turn.actInv(pin.Force(wrench)).vector, self.anchors)
+        parts = split_wrench(turn.actInv(pin.Force(wrench)).vector, self.anchors)
         supporting, other = (turn.act(pin.Force(part)).vector for part in parts)
         return supporting, other
 
@@ -179,7 +159,7 @@ class WeightShift:
         """Return the least distance from each limit, by its name; of an unloaded foot, none."""
         (forces, distances), labels = self.limits
         torque, total = (np.asarray(part).ravel() for part in forces(q, v, a))
-        parts = self.feet.split(total, self.anchors)
+        parts = split_wrench(total, self.anchors)
         joint, space = self.feet.leg.contact_joint, self.feet.leg.workspace
         pin.computeJointJacobians(space.model, space.data, q)
         rows = pin.getJointJacobian(space.model, space.data, joint, pin.LOCAL)
@@ -190,3 +170,24 @@ class WeightShift:
             if math.isfinite(value):
                 least[label] = min(value, least.get(label, math.inf))
         return least
+
+
+def split_wrench(wrench: Array, anchors: Array) -> tuple[Array, Array]:
+    """Return the wrenches on the supporting and on the other foot, `(6,)` each.
+
+    Args:
+        wrench: their sum, about the world's origin.
+        anchors: the points c of both soles, shape `(2, 2)` [m].
+    """
+    force, moment = np.split(wrench, 2)
+    centre = np.array([-moment[1], moment[0]]) / force[2]
+    way = anchors[1] - anchors[0]
+    share = float(np.clip((centre - anchors[0]) @ way / (way @ way), 0.0, 1.0))
+    share = share if share > UNLOADED else 0.0
+    twist = moment[2] - np.cross([*centre, 0.0], force)[2]
+    offset = centre - anchors[0] - share * way
+    parts = [
+        part * np.concatenate([force, np.cross([*place, 0.0], force) + twist * UP])
+        for part, place in zip((1.0 - share, share), anchors + offset, strict=True)
+    ]
+    return parts[0], parts[1]

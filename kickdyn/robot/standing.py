@@ -316,6 +316,17 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
     return np.asarray(corners @ rotation)
 
 
+def sole_corners(robot: Leg, support: Support) -> Array:
+    """Return the corners of the sole of a foot, shape `(k, 3)` [m, support frame].
+
+    They are those of the support, or else of the foot's shapes while it is flat on the ground.
+
+    Raises:
+        InvalidInput: the foot has no flat sole.
+    """
+    return _flat_on_ground(robot, support)[1]
+
+
 def joint_spheres(robot: Leg, joint: int) -> Spheres:
     """Return the bodies that a joint carries, in its axes; its origin where it has no shapes."""
     frames = robot.workspace.model.frames

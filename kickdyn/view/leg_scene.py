@@ -10,6 +10,7 @@ from meshcat.animation import Animation
 
 from kickdyn.core.validation import Array
 from kickdyn.motion.motion import Motion
+from kickdyn.motion.recorded_motion import RecordedMotion
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.view import marks
 from kickdyn.view.camera import box_corners, camera_for, set_stage, stripe_width
@@ -39,14 +40,27 @@ def draw_posture(viewer: Any, posture: Posture, text: str) -> str:
     return panel_of(leg.name or "leg", rows, text, warnings=posture.warnings)
 
 
-def draw_motion(viewer: Any, motion: Motion, text: str) -> tuple[str, Pace]:
-    """Draw a robot in its motion, and return its numbers as HTML and the pace."""
-    count = round(MOTION_TIME * RATE)
-    times = np.linspace(motion.begin, motion.end, count + 1)
-    hit = round(count * motion.begin / (motion.begin - motion.end))
-    pace = Pace(times, hit, count)
-    postures = [motion.q(time) for time in times.tolist()]
-    leg = motion.robot
+def draw_motion(viewer: Any, motion: Motion | RecordedMotion, text: str) -> tuple[str, Pace]:
+    """Draw a robot in its motion, and return its numbers as HTML and the pace.
+
+    A recorded motion is shown as fast as it was.
+    """
+    is_recorded = isinstance(motion, RecordedMotion)
+    begin, end = motion.begin, motion.end
+    count = round(RATE * (end - begin if is_recorded else MOTION_TIME))
+    times = np.linspace(begin, end, count + 1)
+    if isinstance(motion, RecordedMotion):
+        leg, hit = motion.leg, 0 if motion.contact is None else motion.contact
+        postures = [motion.q[motion.frame_at(time)] for time in times.tolist()]
+        rows = [("motion", f"{begin:.4g} to {end:.4g} s, {motion.rate:.4g} frames per second")]
+    else:
+        leg, hit = motion.robot, 0.0
+        postures = [motion.q(time) for time in times.tolist()]
+        rows = [
+            (phase.name, f"{phase.begin:.4g} to {phase.end:.4g} s from the impact")
+            for phase in motion.phases
+        ]
+    pace = Pace(times, int(np.abs(times - hit).argmin()), count)
     _draw(viewer, leg, postures)
     animation = Animation(default_framerate=RATE)
     for number, q in enumerate(postures):
@@ -54,10 +68,6 @@ def draw_motion(viewer: Any, motion: Motion, text: str) -> tuple[str, Pace]:
             for joint, pose in list(enumerate(joint_poses(leg, q)))[1:]:
                 frame[f"leg/{joint}"].set_transform(pose)
     viewer.set_animation(animation, repetitions=math.inf)
-    rows = [
-        (phase.name, f"{phase.begin:.4g} to {phase.end:.4g} s from the impact")
-        for phase in motion.phases
-    ]
     return panel_of(leg.name or "leg", rows, text, warnings=motion.warnings), pace
 
 

@@ -22,6 +22,7 @@ from kickdyn.flight.follow import Course
 from kickdyn.identification.identification_result import Identification
 from kickdyn.impact.impact_result import Impact
 from kickdyn.motion.motion import Motion
+from kickdyn.motion.recorded_motion import RecordedMotion
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.meeting import Arrival, arrival_of
@@ -44,7 +45,7 @@ FRAME_HEIGHT = 600
 _Path = Flight | Course
 _Comparable = Impact | Flight | Course | Launch | Pass | Identification
 _MovingSubject = Impact | KickPlan | Scene | Simulation | SimulatedRun
-_LegAlone = Leg | Posture | Motion
+_LegAlone = Leg | Posture | Motion | RecordedMotion
 
 
 class Page:
@@ -143,7 +144,7 @@ def page(
     A kick moves: an `Impact` with the ball's path, a `KickPlan` (with its `motion` if it has
     one), a `MujocoRun` beside its plan, a `Scene` or the `Simulation` of one. A scene is shown with
     its wall or goal, and its contact as instantaneous. A `Leg` (with all joints at 0), a `Posture`
-    and a `Motion` are shown without a ball.
+    and a `Motion`, or one of `read_motion`, are shown without a ball.
     A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; the
     flight of an `Identification` is a curve with the measured positions as dots. Of several
     impacts, buttons choose the one that is shown.
@@ -194,9 +195,10 @@ def page(
 
 def _page_of_leg(subject: _LegAlone, caption: str) -> Page:
     viewer = recording_viewer()
-    if isinstance(subject, Motion):
+    if isinstance(subject, Motion | RecordedMotion):
+        robot = subject.robot if isinstance(subject, Motion) else subject.leg
         panel, pace = draw_motion(viewer, subject, caption)
-        return Page(viewer, f"{subject.robot.name or 'leg'}: motion", panel, pace)
+        return Page(viewer, f"{robot.name or 'leg'}: motion", panel, pace)
     posture = subject if isinstance(subject, Posture) else subject.posture(subject.configuration())
     return Page(viewer, posture.leg.name or "leg", draw_posture(viewer, posture, caption))
 

@@ -14,7 +14,7 @@ import kickdyn as kd
 from kickdyn.motion import plan_motion
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.verdict import shift_weight
-from kickdyn.motion.weight_shift import Feet
+from kickdyn.motion.weight_shift import Feet, split_wrench
 from kickdyn.planning import kick
 
 FEET = "left_ankle_roll_link", "right_ankle_roll_link"
@@ -30,7 +30,7 @@ def test_the_wrench_is_split_into_parallel_forces_at_both_feet(share):
     across = 0.02 * np.array([-way[1], way[0]]) / np.linalg.norm(way)
     place = across + (1 - share) * ANCHORS[0] + share * ANCHORS[1]
     moment = np.cross([*place, 0.0], force) + twist * np.eye(3)[2]
-    parts = Feet.split(None, np.concatenate([force, moment]), ANCHORS)
+    parts = split_wrench(np.concatenate([force, moment]), ANCHORS)
     agrees(sum(parts), np.concatenate([force, moment]), closed_form(10))
     for wrench, weight, anchor in zip(parts, (1 - part, part), ANCHORS, strict=True):
         agrees(wrench[:3], weight * force, closed_form(10))

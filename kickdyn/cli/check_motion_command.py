@@ -1,0 +1,98 @@
+"""What a recorded motion does to a ball, and the limits that it breaks (`kickdyn check-motion`)."""
+
+from dataclasses import dataclass
+
+import click
+
+from kickdyn.cli.command import Command, busy, print_wrapped, warn
+from kickdyn.cli.leg_options import LegOptions
+from kickdyn.cli.option_groups import BallOptions, OutputOptions, PointOptions, option, takes
+from kickdyn.motion.check_motion import check_motion as check
+from kickdyn.motion.limits import FRICTION
+from kickdyn.motion.read_motion import BREADTH_FIRST, OF_MODEL, read_motion
+from kickdyn.motion.recorded_motion import WINDOW
+
+
+@dataclass(frozen=True)
+class RecordingOptions:
+    """How a file of a motion is read, and the ground."""
+
+    base: str | None = option(
+        "--base", type=click.Choice(["floating", "fixed"]),
+        help="Base of the robot.  [default: floating; fixed for human and testbed]",
+    )  # fmt: skip
+    rate: float | None = option(
+        "--rate", type=float, help="Rate of the frames [Hz]; an .npz file has it."
+    )
+    joints: str | None = option(
+        "--joints", metavar=f"NAME,NAME,...|{BREADTH_FIRST}|{OF_MODEL}",
+        help="Order of the joints in the file.  [default: the names in the file, or the order of "
+        "the model]",
+    )  # fmt: skip
+    quaternion: str = option(
+        "--quaternion", default="xyzw", show_default=True, type=click.Choice(["xyzw", "wxyz"]),
+        help="Order of the base's quaternions in a .csv file.",
+    )  # fmt: skip
+    impact_at: float | None = option(
+        "--impact-at", type=float, metavar="T",
+        help="Time of an impact in the motion [s], across which nothing is smoothed.",
+    )  # fmt: skip
+    window: int = option(
+        "--window", type=int, default=WINDOW, show_default=True,
+        help="Frames through which polynomials are fitted, for velocities; 5 do not smooth.",
+    )  # fmt: skip
+    ground: float | None = option(
+        "--ground", type=float,
+        help="Height of the ground [m].  [default: 0; on a fixed base, as low as the foot]",
+    )  # fmt: skip
+    ground_friction: float = option(
+        "--ground-friction", type=float, default=FRICTION, show_default=True,
+        help="Coefficient of friction of ground and soles.",
+    )  # fmt: skip
+
+
+@click.command("check-motion", Command)
+@click.argument("file", metavar="FILE", type=click.Path())
+@takes(leg=LegOptions, recording=RecordingOptions, contact=PointOptions, ball=BallOptions,
+       output=OutputOptions)  # fmt: skip
+def check_motion(
+    file: str,
+    leg: LegOptions,
+    recording: RecordingOptions,
+    contact: PointOptions,
+    ball: BallOptions,
+    output: OutputOptions,
+) -> None:
+    """Compute the ball that a motion would strike in each frame, and the limits that it breaks.
+
+    FILE is .csv (position of the base, quaternion, joints; of a fixed base the joints alone) or
+    .npz. The whole robot moves. Broken limits are results: the exit code is 0.
+
+    Example: kickdyn check-motion kick.csv --leg g1 --rate 50 --json kick.json --view kick.html
+    """
+    output.check(inputs=[file, leg.leg_name])
+    robot, struck = leg.load(whole=True, base=recording.base), ball.load()
+    joints = recording.joints
+    with busy("reading the motion") as show:
+        motion = read_motion(
+            file, robot, rate=recording.rate, contact=recording.impact_at,
+            joints=joints.split(",") if joints and "," in joints else joints,
+            window=recording.window, quaternion=recording.quaternion,
+        )  # fmt: skip
+        show("striking balls")
+        found = check(
+            motion, robot, struck, contact.contact(), ground=recording.ground,
+            ground_friction=recording.ground_friction,
+        )  # fmt: skip
+    output.write_json(found.to_json())
+    if output.prints:
+        for result in (motion, found):
+            print_wrapped("\n".join(repr(result).splitlines()[1:]))
+    output.save_plot(found.plot)
+    if output.view is not None:
+        from kickdyn.view.page import page
+
+        made_page = page(motion)
+        made_page.save(output.view)
+        warn(made_page.warnings)
+    output.name_written(output.plot, output.view)

@@ -1,0 +1,290 @@
+"""`check_motion`: the launches of a ball that a motion strikes, and the limits that it breaks."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from kickdyn.ball import Ball
+from kickdyn.contact import Contact
+from kickdyn.core import validation
+from kickdyn.core.files import finite
+from kickdyn.core.representation import ReprMixin, Row, warned
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.strike_many import StrikeStatus, strike_many
+from kickdyn.motion.ground_forces import GroundForces, ground_forces
+from kickdyn.motion.limits import FRICTION
+from kickdyn.motion.motion import Motion
+from kickdyn.motion.motion_limits import BrokenLimit, margins_of
+from kickdyn.motion.recorded_motion import RecordedMotion, as_recorded
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.standing import is_floating
+
+SHOWN_LIMITS = 12
+"""Number of broken limits in the rows that are shown."""
+
+VARIABLES = {
+    "foot_velocity": ("m/s", "velocity of the contact point", ("axis",)),
+    "foot_speed": ("m/s", "speed of the contact point", ()),
+    "contact_height": ("m", "height of the contact point above the ground", ()),
+    "normal": ("1", "normal of the contact with a ball on the ground", ("axis",)),
+    "ball_position": ("m", "centre of that ball", ("axis",)),
+    "effective_mass": ("kg", "effective mass of the robot along the normal", ()),
+    "approach_speed": ("m/s", "speed of foot and ball along the normal", ()),
+    "ball_velocity": ("m/s", "velocity of the ball after the impact", ("axis",)),
+    "ball_spin": ("rad/s", "spin of the ball after the impact", ("axis",)),
+    "ball_speed": ("m/s", "speed of the ball after the impact", ()),
+    "elevation": ("rad", "launch above the horizontal", ()),
+    "azimuth": ("rad", "launch to the left of x", ()),
+    "joint_impulses": ("N s, N m s", "impulse of a joint's parent on its child",
+                       ("joint", "component")),
+}  # fmt: skip
+"""Variables of the launches beside flags: unit, meaning, and dimensions after `frame`."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionCheck(ReprMixin):
+    """What a motion does to a ball, and the limits that it breaks.
+
+    Attributes:
+        motion: that is checked.
+        launches: along `frame`, with its `time` [s]: `foot_velocity`, `foot_speed`,
+            `contact_height`, the `normal` and the `ball_position` of a ball on the ground,
+            `effective_mass`, `approach_speed`, `ball_velocity`, `ball_spin`, `ball_speed`,
+            `elevation`, `azimuth`, `joint_impulses` [N s, N m s, axes of the joint], and flags:
+            `status` as of `strike_many`, `faces` (whether the surface of the foot meets such a
+            normal) and `stands` (whether a foot held the robot). Numbers are nan without an impact.
+        forces: torques of the joints and wrenches of the ground, over the frames.
+        margins: distances from limits over the frames, by name, nan where none apply.
+        broken: the limits that the motion breaks.
+        warnings: of the motion, and of what cannot be checked.
+    """
+
+    motion: RecordedMotion
+    launches: xr.Dataset
+    forces: GroundForces
+    margins: Mapping[str, Array]
+    broken: tuple[BrokenLimit, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def best(self) -> int | None:
+        """Number of the frame with the fastest ball; None without an impact."""
+        speed = self.launches.ball_speed.values
+        return None if np.isnan(speed).all() else int(np.nanargmax(speed))
+
+    def _rows(self) -> Iterable[Row]:
+        yield "frames", len(self.motion.t), ""
+        yield "frames with an impact", int((self.launches.status < 2).sum()), ""
+        if is_floating(self.motion.leg):
+            yield "frames without a standing foot", int((~self.forces.stands.any(axis=1)).sum()), ""
+        if self.best is not None:
+            for name, (value, unit) in self.best_row().items():
+                yield f"best frame, {name}", value, unit
+        for limit in self.broken[:SHOWN_LIMITS]:
+            yield "broken", limit.sentence, ""
+        if len(self.broken) > SHOWN_LIMITS:
+            yield "broken", f"and {len(self.broken) - SHOWN_LIMITS} more limits: see `broken`", ""
+        yield from warned(self.warnings)
+
+    def best_row(self) -> dict[str, tuple[float | str, str]]:
+        """Return values and units of the best frame by their names."""
+        row = self.launches.isel(frame=self.best)
+        impulse = np.linalg.norm(row.joint_impulses.values[:, :3], axis=1)
+        single = [
+            1 + self.motion.leg.joint_names.index(n) - 1 for n in self.motion.leg.single_joints
+        ]
+        worst = single[int(impulse[single].argmax())]
+        return {
+            "time": (float(row.time), "s"),
+            "foot speed": (float(row.foot_speed), "m/s"),
+            "contact height": (float(row.contact_height), "m"),
+            "effective mass": (float(row.effective_mass), "kg"),
+            "ball speed": (float(row.ball_speed), "m/s"),
+            "elevation": (math.degrees(float(row.elevation)), "deg"),
+            "azimuth": (math.degrees(float(row.azimuth)), "deg"),
+            f"impulse in {row.joint.values[worst]}": (float(impulse[worst]), "N s"),
+        }
+
+    def plot(self) -> Any:
+        """Return a figure of matplotlib: ball, its launch and its place, and margins over time."""
+        from kickdyn.motion.motion_plot import check_figure  # it imports matplotlib
+
+        return check_figure(self)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the best frame, launches and broken limits for JSON, with null for nan."""
+        table = self.launches
+        return {
+            "rate": self.motion.rate,
+            "best": None if self.best is None else {
+                name: value for name, (value, _) in self.best_row().items()
+            },
+            "launches": {
+                name: [finite(x) for x in table[name].values.tolist()]
+                for name in ("time", "foot_speed", "contact_height", "effective_mass",
+                             "ball_speed", "elevation", "azimuth")
+            },
+            "status": [StrikeStatus(list(StrikeStatus)[k]).value for k in table.status.values],
+            "broken": [limit._asdict() for limit in self.broken],
+            "warnings": list(self.warnings),
+        }  # fmt: skip
+
+
+@validation.check_arguments
+def check_motion(
+    motion: RecordedMotion | Motion,
+    robot: Leg,
+    ball: Ball,
+    contact: Contact | None = None,
+    *,
+    ground: float | None = None,
+    ground_friction: float = FRICTION,
+) -> MotionCheck:
+    r"""Return the launch of a ball if a motion struck it in each frame, and the limits it breaks.
+
+    The ball of radius r lies on the ground, straight ahead of the horizontal velocity of the foot,
+    whose contact point is at the height z: the normal has the azimuth of that velocity and the
+    elevation :math:`\arcsin((r - z)/r)`. There is no contact unless :math:`0 < z < 2r`.
+
+    The base of the robot floats. If a foot other than the kicking one stands, it is held as a
+    support in the impact, and v is `Posture.admissible`: a foot that slides is taken to rest. A
+    foot stands if its sole is slower than 0.5 m/s and within 3 cm of the lower one in this frame.
+    Feet are the robot's supports, or for a robot by name its other foot.
+
+    Torques are by inverse dynamics with rotors. Where no foot stands, torques are not compared with
+    their limits. Margins are those of planned motions, without their reserves.
+
+    Args:
+        motion: of `read_motion`, or a planned one, which is sampled 100 times a second.
+        robot: with the joints of the motion; its contact frame strikes.
+        ball: the ball.
+        contact: restitution, friction and offset of the contact with the ball; its normal does not
+            count. None is `Contact()`.
+        ground: height of the ground [m]; None is 0, or of a leg on a fixed base the height of its
+            foot while all joints are at 0.
+        ground_friction: Coulomb's coefficient of ground and soles.
+
+    Raises:
+        InvalidInput: a motion of another robot, or a number out of range.
+    """
+    recorded, contact = as_recorded(motion), contact or Contact()
+    if recorded.leg.joint_names != robot.joint_names or recorded.leg.nq != robot.nq:
+        raise InvalidInput(
+            f"motion is of {recorded.leg.name} with {recorded.leg.nv} degrees of freedom: robot is "
+            f"{robot.name} with {robot.nv}, and must have the same joints"
+        )
+    if ground is None:
+        floats = is_floating(robot)
+        ground = 0.0 if floats else _lowest(robot, contact)
+    ground = validation.number("ground", ground, unit="m")
+    friction = validation.number("ground friction", ground_friction, at_least=0)
+    warnings, bare = list(recorded.warnings), robot.with_supports()
+    try:
+        forces = ground_forces(recorded, robot)
+    except InvalidInput as error:
+        warnings.append(f"forces of the ground are not known: {error}")
+        forces = GroundForces.unknown(len(recorded.t), robot.nv)
+    launches = _launches(recorded, bare, ball, contact, forces, ground)
+    margins, broken = margins_of(recorded, robot, forces, ground, friction)
+    check = MotionCheck(recorded, launches, forces, margins, broken, tuple(warnings))
+    if check.best is not None and not launches.faces.values[check.best]:
+        warnings.append(f"{robot.frame} cannot meet the ball of the best frame with its surface: "
+                        "the normal is outside its cone (`faces`)")  # fmt: skip
+    return replace(check, warnings=tuple(warnings))
+
+
+def _lowest(robot: Leg, contact: Contact) -> float:
+    posture = robot.posture(robot.configuration()).with_contact_offset(contact.offset)
+    return float(posture.contact_point[2])
+
+
+def _launches(
+    motion: RecordedMotion, robot: Leg, ball: Ball, contact: Contact, forces: GroundForces,
+    ground: float,
+) -> xr.Dataset:  # fmt: skip
+    """Return the launches of balls on the ground that lie ahead of the foot in each frame."""
+    k, columns = len(motion.t), dict[str, Array]()
+    sizes = {"axis": 3, "joint": len(robot.joint_names), "component": 6}
+    for name, (_, _, dimensions) in VARIABLES.items():
+        columns[name] = np.full((k, *(sizes[one] for one in dimensions)), np.nan)
+    status = np.full(k, StrikeStatus.NO_IMPACT.flag, np.int8)
+    others = forces.stands[:, :-1]  # feet but the kicking one
+    stance = np.where(others.any(axis=1), others.argmax(axis=1) if others.size else 0, -1)
+    faces = np.ones(k, bool)
+    for foot in np.unique(stance).tolist():
+        leg = robot.with_supports(forces.feet[foot]) if foot >= 0 else robot
+        rows = np.flatnonzero(stance == foot)
+        _strike_rows(columns, status, faces, rows, (leg, motion, ball, contact, ground))
+    columns["foot_speed"] = np.linalg.norm(columns["foot_velocity"], axis=1)
+    vx, vy, vz = columns["ball_velocity"].T
+    columns["ball_speed"] = np.sqrt(vx**2 + vy**2 + vz**2)
+    columns["elevation"] = np.arctan2(vz, np.hypot(vx, vy))
+    columns["azimuth"] = np.arctan2(vy, vx)
+    data: dict[str, Any] = {
+        name: (("frame", *dimensions), columns[name], {"units": unit, "long_name": meaning})
+        for name, (unit, meaning, dimensions) in VARIABLES.items()
+    }
+    flags: dict[str, Any] = {
+        "long_name": "how the strike ends",
+        "flag_values": np.arange(len(StrikeStatus), dtype=np.int8),
+        "flag_meanings": " ".join(StrikeStatus),
+    }
+    data |= {
+        "status": ("frame", status, flags),
+        "faces": ("frame", faces, {"long_name": "whether the foot's surface meets the normal"}),
+        "stands": ("frame", stance >= 0, {"long_name": "whether a foot holds the robot"}),
+    }
+    coordinates = {
+        "time": ("frame", motion.t, {"units": "s"}),
+        "axis": ["x", "y", "z"],
+        "joint": list(robot.joint_names),
+    }
+    attributes = {"title": "launches of a motion", "ball_mass_kg": ball.mass,
+                  "ball_radius_m": ball.radius, "ground_m": ground}  # fmt: skip
+    return xr.Dataset(data, coordinates, attributes)
+
+
+def _strike_rows(
+    columns: dict[str, Array],
+    status: NDArray[np.int8],
+    faces: NDArray[np.bool_],
+    rows: NDArray[np.int64],
+    kick: tuple[Leg, RecordedMotion, Ball, Contact, float],
+) -> None:
+    """Write the strikes of some frames, in which the same foot stands, into columns."""
+    leg, motion, ball, contact, ground = kick
+    frame = leg.workspace.model.frames[leg.frame_id].placement
+    struck, velocities, contacts = list[int](), list[Array](), list[Contact]()
+    for row in rows.tolist():
+        posture = leg.posture(motion.q[row]).with_contact_offset(contact.offset)
+        velocity = posture.admissible(motion.v[row])
+        foot = posture.point_velocity(velocity)
+        height = float(posture.contact_point[2]) - ground
+        columns["foot_velocity"][row], columns["contact_height"][row] = foot, height
+        level = math.hypot(foot[0], foot[1])
+        if not (0.0 < height < 2 * ball.radius and level > 0.0):
+            continue
+        rise = (ball.radius - height) / ball.radius
+        ahead = math.sqrt(1.0 - rise**2) / level
+        normal = np.array([ahead * foot[0], ahead * foot[1], rise])
+        columns["normal"][row] = normal
+        columns["ball_position"][row] = posture.contact_point + ball.radius * normal
+        columns["effective_mass"][row] = posture.effective_mass(normal)
+        if leg.contact_normal_cone is not None:
+            in_frame = frame.rotation.T @ posture.rotation_world_joint.T @ normal
+            faces[row] = bool((leg.contact_normal_cone @ in_frame >= 0.0).all())
+        struck.append(row)
+        velocities.append(velocity)
+        contacts.append(Contact(normal, contact.restitution, contact.friction, contact.offset))
+    if not struck:
+        return
+    impacts = strike_many(leg, motion.q[struck], velocities, ball, contacts)
+    status[struck] = impacts.status
+    for name in ("approach_speed", "ball_velocity", "ball_spin", "joint_impulses"):
+        columns[name][struck] = getattr(impacts, name)

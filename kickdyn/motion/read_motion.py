@@ -1,0 +1,315 @@
+"""`read_motion`: a motion from a file, checked against the robot that is to perform it."""
+
+import math
+import os
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+from scipy.spatial.transform import Rotation
+
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
+from kickdyn.errors import FaultyFile, InvalidInput
+from kickdyn.motion.motion_file import file_joints
+from kickdyn.motion.motion_reader import BASE_COLUMNS, MotionTable, read_table
+from kickdyn.motion.recorded_motion import (
+    LEAST_FRAMES,
+    WINDOW,
+    FrameTable,
+    RecordedMotion,
+    record,
+)
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.names import MAX_FAULTY, listed
+from kickdyn.robot.standing import is_floating
+
+BREADTH_FIRST, OF_MODEL = "breadth-first", "model"
+"""Orders of joints with a name: that of Isaac Lab, and that of the model, depth first."""
+
+UNIT = 1e-3
+"""Largest error of the length of a quaternion: files have rounded digits."""
+
+UPRIGHT, LYING = math.cos(math.radians(45)), math.cos(math.radians(60))
+"""Cosines of the tilt of a base up to which it is upright, and from which on it lies."""
+
+APART = 0.01
+"""Distance of a joint from the nearest body of a file up to which they agree [m]."""
+
+OUTSIDE = 0.05
+"""Least excess of a joint's range that makes the order of the joints doubtful [rad]."""
+
+TOO_FAST, MANY = 1.5, 0.1
+"""Speed over its limit from which on the rate is doubtful, in this share of the frames."""
+
+ROUNDED = 1e-6
+"""Excess of a joint's range that rounding in a file explains [rad; m]."""
+
+
+@validation.check_arguments
+def read_motion(
+    file: str | os.PathLike[str],
+    robot: Leg,
+    *,
+    rate: float | None = None,
+    joints: Sequence[str] | str | None = None,
+    contact: float | None = None,
+    window: int = WINDOW,
+    quaternion: str = "xyzw",
+) -> RecordedMotion:
+    """Read a motion that was recorded, retargeted to a robot or planned.
+
+    A `.csv` file has a row for each frame: position of the floating base [m, world frame], its
+    quaternion, and the joints in the order of the model; for a leg on a fixed base, the joints
+    alone. Its first line may have names. An `.npz` file has `joint_pos`, `fps` and the base as
+    `root_pos` and `root_quat_xyzw` (`Motion.save`), or as `body_pos_w` and `body_quat_w` (wxyz),
+    whose first body is the base (BeyondMimic); it may have `joint_names`.
+
+    Args:
+        file: its name.
+        robot: that moves, with all joints of the file.
+        rate: of the frames [Hz]; None is that of an `.npz` file.
+        joints: names of the joints in the order of the file; or `breadth-first`, the order of Isaac
+            Lab; or `model`. None is the order of the names in the file, or else of the model.
+        contact: time of an impact [s, the first frame is at 0 if the file has no times], across
+            which nothing is smoothed; v at a frame at this time is just before it. With None, it is
+            at 0 in a file with times before and after that.
+        window: number of frames, odd, through which polynomials of degree 4 are fitted for
+            velocities and accelerations; 5 is without smoothing.
+        quaternion: order of the base's quaternions in a `.csv` file, `xyzw` or `wxyz`.
+
+    Returns:
+        The motion, with warnings of joints outside their ranges and of a doubtful rate.
+
+    Raises:
+        InvalidInput: a file that cannot be read, is of another robot, or has too few frames, angles
+            in degrees, or another order of joints or quaternions than is said.
+    """
+    validation.check_type(str, os.PathLike, file=file)
+    if quaternion not in ("xyzw", "wxyz"):
+        raise InvalidInput(f"quaternion is {quaternion!r}: it must be xyzw or wxyz")
+    table, source = read_table(file), str(file)
+    names = file_joints(robot)
+    table = _with_root(table, robot, len(names), source)
+    if len(table.joints) < LEAST_FRAMES:
+        few = f"has {len(table.joints)} frames: a motion needs at least {LEAST_FRAMES}"
+        raise FaultyFile(source, [few])
+    if rate is None and table.rate is None:
+        raise InvalidInput("rate is None: the file does not have it, so give the frames' rate [Hz]")
+    rate = validation.number(
+        "rate", table.rate if rate is None else rate, above=0, at_most=1e5, unit="Hz"
+    )
+    order = _order(robot, joints, table, source)
+    ordered = table.joints[:, [order.index(name) for name in names]]
+    root = _unit_root(table, quaternion, source)
+    _check_angles(robot, names, ordered, source)
+    if joints is None and not table.names:
+        _check_order(robot, names, table, ordered, source)
+    if table.bodies is not None:
+        _check_bodies(robot, names, table, (root, ordered), source)
+    t = np.arange(len(root)) / rate if table.t is None else table.t
+    if contact is not None:
+        contact = validation.number(
+            "contact", contact, at_least=float(t[0]), at_most=float(t[-1]), unit="s"
+        )
+    elif table.t is not None and t[0] < 0.0 < t[-1]:
+        contact = 0.0
+    frames = FrameTable(rate, t, root, ordered, contact)
+    motion = record(robot, frames, window, _range_warnings(robot, names, ordered, t))
+    if doubt := _rate_doubt(motion):
+        return record(robot, frames, window, (doubt, *motion.warnings))
+    return motion
+
+
+def _with_root(table: MotionTable, robot: Leg, count: int, source: str) -> MotionTable:
+    """Return a table whose base and joints are apart and are as many as those of a robot."""
+    floats, columns = is_floating(robot), table.joints.shape[1]
+    from_csv = table.root is None and table.rate is None and table.bodies is None
+    base = BASE_COLUMNS if floats else 0
+    if floats and table.root is None and columns == base + count:
+        names = table.names[base:]
+        return table._replace(
+            joints=table.joints[:, base:], root=table.joints[:, :base], names=names
+        )
+    if columns == count and (table.root is not None) == floats:
+        return table
+    parts = f"{base} for its floating base (position, quaternion) and {count} for its joints"
+    robots = f"{robot.name or 'the leg'} on a {'floating' if floats else 'fixed'} base"
+    if floats and columns == count:
+        fault = f"has {count} columns of joints and no base: {robots} needs {parts}"
+    elif not floats and columns == count + (BASE_COLUMNS if from_csv else 0):
+        fault = f"has a floating base: {robots} has {count} joints only (base='floating')"
+    elif from_csv:
+        need = f"{base + count}: {parts}" if floats else f"{count}, its joints"
+        fault = f"has {columns} columns: {robots} needs {need}"
+    else:
+        fault = f"has {columns} joints: {robots} has {count}"
+    raise FaultyFile(source, [fault])
+
+
+def _order(
+    robot: Leg, joints: Sequence[str] | str | None, table: MotionTable, source: str
+) -> list[str]:
+    """Return the names of the joints in the order of a file."""
+    names = file_joints(robot)
+    if joints is None:
+        order = list(table.names or names)
+    elif isinstance(joints, str):
+        if joints not in (BREADTH_FIRST, OF_MODEL):
+            raise InvalidInput(
+                f"joints is {validation.brief(joints)}: it must be the names of the joints in the "
+                f"order of the file, {BREADTH_FIRST} or {OF_MODEL}"
+            )
+        order = names if joints == OF_MODEL else breadth_first(robot)
+    else:
+        for name in joints:
+            validation.check_type(str, joint=name)
+        order = list(joints)
+    if sorted(order) == sorted(names):
+        return order
+    where = "joints" if joints is not None else f"{source}: its names of joints"
+    missing = [name for name in names if name not in order]
+    others = [name for name in order if name not in names]
+    faults = [f"lacks {listed(missing, MAX_FAULTY)}"] if missing else []
+    faults += [f"has {listed(others, MAX_FAULTY)}, which {robot.name} has not"] if others else []
+    raise InvalidInput(f"{where}: {' and '.join(faults) or 'has a joint twice'}")
+
+
+def breadth_first(robot: Leg) -> list[str]:
+    """Return the joints in breadth-first order, as Isaac Lab has them."""
+    model = robot.workspace.model
+    depths = {str(model.names[j]): len(model.supports[j]) for j in range(1, model.njoints)}
+    return sorted(file_joints(robot), key=depths.__getitem__)
+
+
+def _unit_root(table: MotionTable, quaternion: str, source: str) -> Array:
+    """Return position and unit quaternion xyzw of the base, shape `(k, 7)`, or `(k, 0)`."""
+    if table.root is None:
+        return np.zeros((len(table.joints), 0))
+    place, turns = table.root[:, :3], table.root[:, 3:]
+    length = np.linalg.norm(turns, axis=1)
+    row = int(np.abs(length - 1.0).argmax())
+    if abs(length[row] - 1.0) > UNIT:
+        raise FaultyFile(source, [
+            f"has a quaternion of length {length[row]:.4g} for the base in row {row + 1}: it must "
+            "be 1 (columns 4 to 7 of a CSV file)"
+        ])  # fmt: skip
+    orders = {"xyzw": turns, "wxyz": turns[:, [1, 2, 3, 0]]}
+    used = table.quaternion or quaternion
+    if not table.quaternion:
+        up = {name: Rotation.from_quat(q[0]).as_matrix()[2, 2] for name, q in orders.items()}
+        other = "wxyz" if used == "xyzw" else "xyzw"
+        if up[used] < LYING and up[other] > UPRIGHT:
+            raise FaultyFile(source, [
+                f"has a base that is not upright in the first frame: its quaternions seem to be "
+                f"{other}, not {used}; quaternion={other!r} (--quaternion) reads them"
+            ])  # fmt: skip
+    return np.hstack([place, orders[used] / length[:, None]])
+
+
+def _check_angles(robot: Leg, names: list[str], joints: Array, source: str) -> None:
+    """Raise `FaultyFile` for angles beyond a turn, and beyond the range of their joint."""
+    for column, name in enumerate(names):
+        reach = max(map(abs, robot.joint_range(name)))
+        if robot.joint_unit(name) == "m" or reach == math.inf or name not in robot.single_joints:
+            continue
+        if robot.workspace.model.nqs[1 + robot.joint_names.index(name)] == 2:
+            continue  # a continuous joint may turn several times
+        row = int(np.abs(joints[:, column]).argmax())
+        if abs(joints[row, column]) > max(math.tau, reach):
+            raise FaultyFile(source, [
+                f"has {name} at {joints[row, column]:.4g} in row {row + 1}, more than a turn: "
+                "angles must be in radians, and seem to be in degrees"
+            ])  # fmt: skip
+
+
+def _excess(robot: Leg, names: list[str], joints: Array) -> Array:
+    """Return how far joints are outside their ranges, shape `(k, n)` [rad; m]."""
+    model = robot.workspace.model
+    lower, upper = np.array([
+        robot.joint_range(name) if model.nqs[1 + robot.joint_names.index(name)] == 1
+        else (-math.inf, math.inf) for name in names
+    ]).T  # fmt: skip
+    return np.asarray(np.maximum(lower - joints, joints - upper))
+
+
+def _check_order(
+    robot: Leg, names: list[str], table: MotionTable, joints: Array, source: str
+) -> None:
+    """Raise `FaultyFile` if joints fit their ranges in breadth-first order only."""
+    order = breadth_first(robot)
+    other = table.joints[:, [order.index(name) for name in names]]
+    excess, others = (_excess(robot, names, values) for values in (joints, other))
+    row, column = np.unravel_index(excess.argmax(), excess.shape)
+    most = float(excess[row, column])
+    if most > OUTSIDE and others.max() < 0.1 * most:
+        raise FaultyFile(source, [
+            f"has {names[column]} outside its range by {most:.2g} rad in row {row + 1} in the "
+            "order of the model, but not in breadth-first order, which Isaac Lab writes: name the "
+            f"order, joints={BREADTH_FIRST!r} or {OF_MODEL!r} (--joints), or all names"
+        ])  # fmt: skip
+
+
+def _check_bodies(
+    robot: Leg,
+    names: list[str],
+    table: MotionTable,
+    frames: tuple[Array, Array],
+    source: str,
+) -> None:
+    """Raise `FaultyFile` if joints are not where the file has bodies."""
+    assert table.bodies is not None
+    rows = np.unique(np.linspace(0, len(table.joints) - 1, 10).astype(int))
+    root, joints = frames
+
+    def farthest(values: Array) -> tuple[float, str]:
+        motion = record(robot, FrameTable(1.0, rows * 1.0, root[rows], values[rows], None))
+        space, worst = robot.workspace, (0.0, "")
+        assert table.bodies is not None
+        for q, bodies in zip(motion.q, table.bodies[rows], strict=True):
+            pin.forwardKinematics(space.model, space.data, q)
+            for joint in range(1, space.model.njoints):
+                place = space.data.oMi[joint].translation
+                apart = float(np.linalg.norm(bodies - place, axis=1).min())
+                worst = max(worst, (apart, str(space.model.names[joint])))
+        return worst
+
+    apart, name = farthest(joints)
+    if apart > APART:
+        order = breadth_first(robot)
+        other = table.joints[:, [order.index(one) for one in names]]
+        fits = farthest(other)[0] <= APART
+        hint = f"joints={BREADTH_FIRST!r} agrees" if fits else "another model of the robot, or"
+        also = "" if fits else " joints= names their order"
+        raise FaultyFile(source, [
+            f"has no body nearer than {apart:.2g} m to joint {name}, where the positions of the "
+            f"joints put it: {hint}{also}"
+        ])  # fmt: skip
+
+
+def _range_warnings(robot: Leg, names: list[str], joints: Array, t: Array) -> tuple[str, ...]:
+    """Return a line for each joint that is outside its range, the farthest first."""
+    excess, lines = _excess(robot, names, joints), list[tuple[float, str]]()
+    for column, name in enumerate(names):
+        row, unit = int(excess[:, column].argmax()), robot.joint_unit(name)
+        amount, count = float(excess[row, column]), int((excess[:, column] > ROUNDED).sum())
+        if amount > ROUNDED:
+            where = f"at {t[row]:.4g} s (frame {row}), in {count} of {len(t)} frames"
+            lines.append((amount, f"{name} is outside its range by {amount:.2g} {unit} {where}"))
+    return tuple(line for _, line in sorted(lines, reverse=True))
+
+
+def _rate_doubt(motion: RecordedMotion) -> str:
+    """Return a line if joints are too fast in many frames; empty if they are not."""
+    limit = motion.leg.velocity_limit
+    limit = np.where(limit > 0.0, limit, math.inf)
+    use = (np.abs(motion.v) / limit).max(axis=1)
+    fast = use > TOO_FAST
+    if fast.mean() <= MANY:
+        return ""
+    factor = float(np.median(use[fast]))
+    return (
+        f"joints exceed their speed limits in {100 * fast.mean():.0f} % of the frames, by a factor "
+        f"of {factor:.2g} in their median: a rate of {motion.rate / factor:.2g} Hz instead of "
+        f"{motion.rate:g} Hz would fit"
+    )

@@ -11,6 +11,7 @@ import kickdyn as kd
 from kickdyn.cli.check_file import FileCheck
 from kickdyn.identification.infer_impact import RestitutionFit
 from kickdyn.motion.motion import Motion
+from kickdyn.motion.recorded_motion import FrameTable, record
 from kickdyn.planning.reach import ReachRow, ReachTable
 from kickdyn.simulators.mujoco_fit import KickError
 from kickdyn.simulators.noisy_runs import NoisyRuns
@@ -41,6 +42,14 @@ def motion():
     knots = [-0.5, -0.5, 0, 0], [0, 0, 0.75, 0.75]
     splines = [BSpline(ends, [POSTURE.q, 0.9 * POSTURE.q], 1) for ends in knots]
     return Motion(LEG, LEG.joint_names, *splines)
+
+
+def recorded():
+    """A motion of 20 frames whose knee jumps out of its range, too fast for the leg."""
+    angles = POSTURE.q + np.sin(np.arange(20) / 3.0)[:, None] * [0.3, 0.2, 0.1]
+    angles[12:, 1] -= 0.5
+    return record(LEG, FrameTable(50.0, np.arange(20) / 50, np.zeros((20, 0)), angles, None),
+                  warnings=("knee",))  # fmt: skip
 
 
 def tuning():
@@ -143,6 +152,8 @@ MADE = {
     "plan": lambda: kd.plan_kick(LEG, GOAL, BALL, AIR),
     "meeting": meeting,
     "motion": motion,
+    "recorded motion": recorded,
+    "motion check": lambda: kd.check_motion(one("recorded motion"), LEG, BALL, CONTACT),
     "scene": scene,
     "slow scene": lambda: scene(law=kd.Compliance(contact_time=0.008)),
     "track": track,

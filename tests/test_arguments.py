@@ -42,6 +42,7 @@ GOOD = {
     "model": LEG.model, "jacobian": POSTURE.jacobian, "kick": kd.Kick(),
     "states": kd.BallState(velocity=[IMPACT.ball_after.velocity] * 2),
     "incoming": kd.BallState((1.5, 0, -0.7), (-2, 0, 0)), "target": (10.0, 0.0, 0.0),
+    "motion": one("motion"),
     "function": lambda state, numbers: state[2], "drives": {"knee": kd.Drive(1e-5, 50.0)},
     **dict.fromkeys(("normal", "point", "linear", "offset", "moved", "unit", "wish"), VECTOR),
     **dict.fromkeys(("point_velocity", "position"), VECTOR), "seen": (10.0, 0.0),

@@ -77,6 +77,14 @@ FORMULAS = {
         map(azimuth, [run.ball_after for run in noisy.runs]), azimuth(one("plan").launch)),
     ("noisy runs", "miss, 90% of the runs"): lambda noisy: max(noisy.misses),
     ("body", "duration"): lambda body: 0.09,
+    ("recorded motion", "frames"): lambda motion: len(motion.t),
+    ("recorded motion", "smoothing, position of joints"):
+        lambda motion: (motion.smoothing[0].amount, motion.smoothing[0].time),
+    ("recorded motion", "smoothing, velocity of joints"):
+        lambda motion: (motion.smoothing[1].amount, motion.smoothing[1].time),
+    ("motion check", "frames"): lambda check: len(check.motion.t),
+    ("motion check", "frames with an impact"):
+        lambda check: np.isfinite(check.launches.ball_speed.values).sum(),
     ("file", "rate"): lambda found: found.rows[0][1],
 }  # fmt: skip
 """Rows that are computed from attributes, in SI units."""
@@ -86,6 +94,8 @@ OF_JOINTS = {
     "speed of ": lambda at, k: (at.v[k], at.v_deviations[k]),
     "joint ": lambda leg, k: (leg.lower[k], leg.upper[k]),
     "worst joint, ": lambda hit, k: np.linalg.norm(hit.joint_impulses[k, :3]),
+    "best frame, impulse in ": lambda check, k: np.linalg.norm(
+        check.launches.joint_impulses.values[check.best, k, :3]),
     "impulse in ": lambda hit, k: (np.linalg.norm(hit.joint_impulses[k, :3]),
                                    hit.joint_deviations[hit.posture.leg.joint_names[k]]),
     "": lambda posture, k: posture.q[k],
@@ -97,7 +107,7 @@ TEXTS = {
     "method", "another", "residuals", "digits at least", "incomplete frames", "gaps of b", "ball",
     "contact", "air", "ground", "nearest", "solref", "solimp", "solreffriction", "goal, speed",
     "goal, direction", "error, speed x 0.5", "0, 35 deg", "hit the ball", "elevation error",
-    "miss, 50% of the runs", "warning",
+    "miss, 50% of the runs", "warning", "broken",
 }  # fmt: skip
 """Rows with numbers in a text of several words, or whose like is compared."""
 
@@ -144,6 +154,8 @@ def right_value(name, shown, row):
         return max(np.linalg.svd(rows, compute_uv=False)[0] for rows in slopes)
     if row.startswith("limit "):
         return shown.posture.effective_mass_limits(shown.contact.normal)[row[6:]]
+    if row.startswith("best frame, ") and " in " not in row:
+        return shown.launches[row[12:].replace(" ", "_")].values[shown.best]
     if row.startswith("margin, "):
         return shown.margins[row[8:]]
     for path in PATHS.get(row, row.replace(" ", "_")).split("|"):

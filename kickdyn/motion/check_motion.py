@@ -13,7 +13,7 @@ from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.files import finite
-from kickdyn.core.representation import ReprMixin, Row, warned
+from kickdyn.core.representation import ReprMixin, Row, freeze_arrays, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.strike_many import StrikeStatus, strike_many
@@ -27,6 +27,9 @@ from kickdyn.robot.standing import is_floating
 
 SHOWN_LIMITS = 12
 """Number of broken limits in the rows that are shown."""
+
+AT_REST = 1e-3
+"""Horizontal speed of a foot up to which it strikes no ball [m/s]."""
 
 VARIABLES = {
     "foot_velocity": ("m/s", "velocity of the contact point", ("axis",)),
@@ -45,6 +48,9 @@ VARIABLES = {
                        ("joint", "component")),
 }  # fmt: skip
 """Variables of the launches beside flags: unit, meaning, and dimensions after `frame`."""
+
+SCALARS = ("foot_speed", "contact_height", "effective_mass", "ball_speed", "elevation", "azimuth")
+"""Variables that are shown of the best frame, and are in the JSON document."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,42 +80,39 @@ class MotionCheck(ReprMixin):
 
     @property
     def best(self) -> int | None:
-        """Number of the frame with the fastest ball; None without an impact."""
-        speed = self.launches.ball_speed.values
+        """Number of the frame with the fastest ball that is not struck into the ground, if any."""
+        table = self.launches
+        speed = np.where(table.elevation.values >= 0.0, table.ball_speed.values, np.nan)
         return None if np.isnan(speed).all() else int(np.nanargmax(speed))
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self.margins)
 
     def _rows(self) -> Iterable[Row]:
         yield "frames", len(self.motion.t), ""
         yield "frames with an impact", int((self.launches.status < 2).sum()), ""
-        if is_floating(self.motion.leg):
+        if self.forces.feet:
             yield "frames without a standing foot", int((~self.forces.stands.any(axis=1)).sum()), ""
-        if self.best is not None:
-            for name, (value, unit) in self.best_row().items():
-                yield f"best frame, {name}", value, unit
+        if (best := self.best) is not None:
+            row, (joint, impulse) = self.launches.isel(frame=best), self.worst_joint(best)
+            for name in ("time", *SCALARS):
+                value, unit = float(row[name]), str(row[name].units)
+                if unit == "rad":
+                    value, unit = math.degrees(value), "deg"
+                yield f"best frame, {name.replace('_', ' ')}", value, unit
+            yield f"best frame, impulse in {joint}", impulse, "N s"
         for limit in self.broken[:SHOWN_LIMITS]:
             yield "broken", limit.sentence, ""
         if len(self.broken) > SHOWN_LIMITS:
             yield "broken", f"and {len(self.broken) - SHOWN_LIMITS} more limits: see `broken`", ""
         yield from warned(self.warnings)
 
-    def best_row(self) -> dict[str, tuple[float | str, str]]:
-        """Return values and units of the best frame by their names."""
-        row = self.launches.isel(frame=self.best)
-        impulse = np.linalg.norm(row.joint_impulses.values[:, :3], axis=1)
-        single = [
-            1 + self.motion.leg.joint_names.index(n) - 1 for n in self.motion.leg.single_joints
-        ]
-        worst = single[int(impulse[single].argmax())]
-        return {
-            "time": (float(row.time), "s"),
-            "foot speed": (float(row.foot_speed), "m/s"),
-            "contact height": (float(row.contact_height), "m"),
-            "effective mass": (float(row.effective_mass), "kg"),
-            "ball speed": (float(row.ball_speed), "m/s"),
-            "elevation": (math.degrees(float(row.elevation)), "deg"),
-            "azimuth": (math.degrees(float(row.azimuth)), "deg"),
-            f"impulse in {row.joint.values[worst]}": (float(impulse[worst]), "N s"),
-        }
+    def worst_joint(self, frame: int) -> tuple[str, float]:
+        """Return the joint with the largest linear impulse in a frame, and this impulse [N s]."""
+        first = int(is_floating(self.motion.leg))
+        impulses = self.launches.joint_impulses.values[frame, first:, :3]
+        sizes = np.linalg.norm(impulses, axis=1)
+        return str(self.launches.joint.values[first + sizes.argmax()]), float(sizes.max())
 
     def plot(self) -> Any:
         """Return a figure of matplotlib: ball, its launch and its place, and margins over time."""
@@ -119,21 +122,22 @@ class MotionCheck(ReprMixin):
 
     def to_json(self) -> dict[str, Any]:
         """Return the best frame, launches and broken limits for JSON, with null for nan."""
-        table = self.launches
-        return {
-            "rate": self.motion.rate,
-            "best": None if self.best is None else {
-                name: value for name, (value, _) in self.best_row().items()
-            },
-            "launches": {
-                name: [finite(x) for x in table[name].values.tolist()]
-                for name in ("time", "foot_speed", "contact_height", "effective_mass",
-                             "ball_speed", "elevation", "azimuth")
-            },
-            "status": [StrikeStatus(list(StrikeStatus)[k]).value for k in table.status.values],
+        table, best, statuses = self.launches, self.best, list(StrikeStatus)
+        columns = {
+            name: [finite(x) for x in table[name].values.tolist()] for name in ("time", *SCALARS)
+        }
+        document: dict[str, Any] = {"rate": self.motion.rate, "best": None, "launches": columns}
+        if best is not None:
+            joint, impulse = self.worst_joint(best)
+            document["best"] = {
+                "frame": best, **{name: values[best] for name, values in columns.items()},
+                "worst_joint": joint, "worst_joint_impulse": impulse,
+            }  # fmt: skip
+        return document | {
+            "status": [str(statuses[k]) for k in table.status.values],
             "broken": [limit._asdict() for limit in self.broken],
             "warnings": list(self.warnings),
-        }  # fmt: skip
+        }
 
 
 @validation.check_arguments
@@ -161,13 +165,13 @@ def check_motion(
     their limits. Margins are those of planned motions, without their reserves.
 
     Args:
-        motion: of `read_motion`, or a planned one, which is sampled 100 times a second.
+        motion: of `read_motion`, or a planned one, which is sampled 500 times a second.
         robot: with the joints of the motion; its contact frame strikes.
         ball: the ball.
         contact: restitution, friction and offset of the contact with the ball; its normal does not
             count. None is `Contact()`.
         ground: height of the ground [m]; None is 0, or of a leg on a fixed base the height of its
-            foot while all joints are at 0.
+            contact point while all joints are at 0, under which bodies may be.
         ground_friction: Coulomb's coefficient of ground and soles.
 
     Raises:
@@ -179,10 +183,11 @@ def check_motion(
             f"motion is of {recorded.leg.name} with {recorded.leg.nv} degrees of freedom: robot is "
             f"{robot.name} with {robot.nv}, and must have the same joints"
         )
+    floor = 0.0 if is_floating(robot) else -math.inf  # of bodies under the ground
     if ground is None:
-        floats = is_floating(robot)
-        ground = 0.0 if floats else _lowest(robot, contact)
-    ground = validation.number("ground", ground, unit="m")
+        ground = floor if is_floating(robot) else _lowest(robot, contact)
+    else:
+        ground = floor = validation.number("ground", ground, unit="m")
     friction = validation.number("ground friction", ground_friction, at_least=0)
     warnings, bare = list(recorded.warnings), robot.with_supports()
     try:
@@ -190,8 +195,12 @@ def check_motion(
     except InvalidInput as error:
         warnings.append(f"forces of the ground are not known: {error}")
         forces = GroundForces.unknown(len(recorded.t), robot.nv)
+    if is_floating(robot) and not forces.feet:
+        warnings.append("no foot is known on which the robot stands: forces of the ground and "
+                        "torques are not checked; robot.with_supports(FRAME) (--support) names "
+                        "one")  # fmt: skip
     launches = _launches(recorded, bare, ball, contact, forces, ground)
-    margins, broken = margins_of(recorded, robot, forces, ground, friction)
+    margins, broken = margins_of(recorded, robot, forces, floor, friction)
     check = MotionCheck(recorded, launches, forces, margins, broken, tuple(warnings))
     if check.best is not None and not launches.faces.values[check.best]:
         warnings.append(f"{robot.frame} cannot meet the ball of the best frame with its surface: "
@@ -268,7 +277,7 @@ def _strike_rows(
         height = float(posture.contact_point[2]) - ground
         columns["foot_velocity"][row], columns["contact_height"][row] = foot, height
         level = math.hypot(foot[0], foot[1])
-        if not (0.0 < height < 2 * ball.radius and level > 0.0):
+        if not (0.0 < height < 2 * ball.radius and level > AT_REST):
             continue
         rise = (ball.radius - height) / ball.radius
         ahead = math.sqrt(1.0 - rise**2) / level

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from kickdyn.core.validation import Array
-from kickdyn.motion.recorded_motion import DEGREE, WINDOW, RecordedMotion
+from kickdyn.motion.recorded_motion import DEGREE, UNSMOOTHED, RecordedMotion
 from kickdyn.motion.weight_shift import split_wrench
 from kickdyn.robot.catalog import ROBOTS
 from kickdyn.robot.constraints import Support
@@ -51,14 +51,14 @@ class GroundForces:
 def feet_of(robot: Leg) -> tuple[Support, ...]:
     """Return a robot's supports, or its foot of the catalogue, and its kicking foot.
 
-    On a fixed base there are none.
+    On a fixed base, or if no foot but the kicking one is known, there are none.
     """
     if not is_floating(robot):
         return ()
     names = frames_by_name(robot.workspace.model)
     stance = ROBOTS[robot.name].stance if robot.name in ROBOTS else ""
     others = robot.supports or ((Support(stance),) if stance in names else ())
-    return (*others, Support(robot.frame))
+    return (*others, Support(robot.frame)) if others else ()
 
 
 def ground_forces(motion: RecordedMotion, robot: Leg) -> GroundForces:
@@ -84,7 +84,7 @@ def ground_forces(motion: RecordedMotion, robot: Leg) -> GroundForces:
             sole[row] = corners @ pose.rotation.T + pose.translation
         if feet:
             wrench[row] = data.oMi[1].act(pin.Force(torque[row, :6])).vector
-    stands = _stands(soles, motion.rate, count)
+    stands = _stands(soles, motion)
     for row in np.flatnonzero(stands.any(axis=1)).tolist():
         on = np.flatnonzero(stands[row]).tolist()[:2]
         parts = _shared(wrench[row], [soles[foot][row].mean(axis=0) for foot in on])
@@ -94,17 +94,15 @@ def ground_forces(motion: RecordedMotion, robot: Leg) -> GroundForces:
     return GroundForces(feet, soles, stands, torque, wrench)
 
 
-def _stands(soles: Sequence[Array], rate: float, count: int) -> NDArray[np.bool_]:
+def _stands(soles: Sequence[Array], motion: RecordedMotion) -> NDArray[np.bool_]:
     """Return whether the feet of soles stand, shape `(k, feet)`."""
     if not soles:
-        return np.zeros((count, 0), bool)
+        return np.zeros((len(motion.t), 0), bool)
     heights = np.array([sole[:, :, 2].min(axis=1) for sole in soles]).T
-    speeds = np.array([
-        np.linalg.norm(
-            savgol_filter(sole.mean(axis=1), WINDOW, DEGREE, 1, 1.0 / rate, axis=0), axis=1
-        ) for sole in soles
-    ]).T  # fmt: skip
-    return np.asarray((heights <= heights.min(axis=1)[:, None] + HEIGHT) & (speeds < AT_REST))
+    middles = np.array([sole.mean(axis=1) for sole in soles])
+    velocities = savgol_filter(middles, UNSMOOTHED, DEGREE, 1, 1.0 / motion.rate, axis=1)
+    slow = np.linalg.norm(velocities, axis=2).T < AT_REST
+    return np.asarray((heights <= heights.min(axis=1)[:, None] + HEIGHT) & slow)
 
 
 def _shared(wrench: Array, places: list[Array]) -> tuple[Array, ...]:

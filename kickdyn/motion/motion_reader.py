@@ -60,15 +60,17 @@ def read_table(file: str | os.PathLike[str]) -> MotionTable:
 
 def _read_csv(file: str | os.PathLike[str], source: str) -> MotionTable:
     text = read_text(file, source, LARGEST, FaultyFile)
+    if not text.strip():
+        raise FaultyFile(source, ["is empty"])
     head, _, _ = text.lstrip().partition("\n")
     names = tuple(word.strip().strip('"') for word in head.split(","))
     has_header = not all(map(_is_number, names))
     try:
+        if "\n" not in text.strip():
+            raise ValueError("a motion has several rows")
         table = np.loadtxt(StringIO(text), delimiter=",", ndmin=2, skiprows=int(has_header))
     except ValueError as error:
         raise FaultyFile(source, [f"is no table of numbers: {error}"]) from None
-    if not table.size:
-        raise FaultyFile(source, ["has no rows"])
     if has_header and len(names) != table.shape[1]:
         counts = f"{len(names)} names in its first line and {table.shape[1]} columns"
         raise FaultyFile(source, [f"has {counts}: each column needs a name"])

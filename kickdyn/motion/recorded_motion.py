@@ -31,6 +31,9 @@ DEGREE = 4
 UNSMOOTHED, WINDOW = DEGREE + 1, 7
 """Frames that determine a polynomial, and frames through which one is fitted by default."""
 
+PLAN_RATE = 500.0
+"""Rate at which planned motions are sampled [Hz]."""
+
 LEAST_FRAMES = 10
 """Least number of frames of a motion."""
 
@@ -131,10 +134,10 @@ class FrameTable(NamedTuple):
 
 
 def as_recorded(motion: "RecordedMotion | Any") -> RecordedMotion:
-    """Return a recorded motion, of a planned `Motion` 100 times a second."""
+    """Return a recorded motion, of a planned `Motion` `PLAN_RATE` times a second."""
     if isinstance(motion, RecordedMotion):
         return motion
-    samples: MotionSamples = motion.samples()
+    samples: MotionSamples = motion.samples(PLAN_RATE)
     table = FrameTable(samples.rate, samples.t, samples.root, samples.joint_positions, 0.0)
     return record(samples.leg, table, UNSMOOTHED)
 

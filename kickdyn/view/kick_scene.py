@@ -101,7 +101,8 @@ class Pace(NamedTuple):
         The kick's time is linear in between.
         """
         last = len(self.times) - 1
-        numbers = np.unique([0, self.impact, self.impact + round(FOLLOW_TIME * RATE), last])
+        follow = min(self.impact + round(FOLLOW_TIME * RATE), last)
+        numbers = np.unique([0, self.impact, follow, last])
         return np.column_stack([numbers / RATE, self.times[numbers]])
 
 

@@ -67,7 +67,8 @@ def keys(value):
 
 
 @pytest.mark.parametrize("line", [
-    "check match.csv", "posture-sweep --joint hip=0:10:5", "reach --elevation 20 --tolerance 0.3",
+    "check match.csv", "check-motion swing.csv --rate 50", "posture-sweep --joint hip=0:10:5",
+    "reach --elevation 20 --tolerance 0.3",
     "paper --only 'table 2'", "tradeoff --scene paper_kick", "simulate free_kick --exact",
     "view slow.toml", pytest.param("identify match.csv", marks=pytest.mark.slow),
     pytest.param("tune-mujoco robot_chip --timestep 0.005", marks=pytest.mark.slow)])  # fmt: skip
@@ -75,6 +76,7 @@ def test_the_page_has_the_keys_of_a_document(line, kickdyn, written, match_ball)
     match_ball(2605, 2760)
     scene = (ROOT / "scenes" / "free_kick.toml").read_text("utf-8")
     written("slow.toml", scene.replace("[contact]", "[contact]\ncontact_time_s = 0.01"))
+    written("swing.csv", "\n".join(f"{0.05 * k**2},0.4,-0.1" for k in range(12)))
     document = kickdyn(f"{line} --json -").json
     sections, name = KEYS.split("\n## "), line.split()[0]
     text = sections[0] + next(section for section in sections if section.startswith(name))

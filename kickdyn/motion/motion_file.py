@@ -5,6 +5,7 @@ ROS 2 in YAML, and keyframes of MuJoCo.
 """
 
 import json
+import math
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -95,6 +96,17 @@ def file_joints(leg: Leg) -> list[str]:
             "joints of one"
         )
     return names
+
+
+def ranges_of(leg: Leg, names: Iterable[str]) -> Array:
+    """Return lower and upper limits of joints, infinite if continuous, `(n, 2)` [rad; m]."""
+    turning = {
+        str(name)
+        for name, size in zip(leg.joint_names, leg.workspace.model.nqs[1:], strict=True)
+        if size == 2
+    }
+    endless = -math.inf, math.inf
+    return np.array([endless if name in turning else leg.joint_range(name) for name in names])
 
 
 def write_motion(samples: MotionSamples, file: str | os.PathLike[str]) -> None:

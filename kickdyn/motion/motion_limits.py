@@ -25,6 +25,7 @@ from kickdyn.motion.limits import (
     Twist,
     with_unit,
 )
+from kickdyn.motion.motion_file import ranges_of
 from kickdyn.motion.recorded_motion import RecordedMotion
 from kickdyn.robot.collisions import find_self_collisions
 from kickdyn.robot.ground_clearance import TOLERANCE, find_depths
@@ -111,21 +112,17 @@ def margins_of(
         ground: height of the ground [m].
         friction: Coulomb's coefficient of the ground.
     """
-    names, model = robot.single_joints, robot.workspace.model
+    names = robot.single_joints
     columns = [robot.velocity_index(name) for name in names]
     effort, speed = (
         np.where(limit > 0.0, limit, math.inf)[columns]
         for limit in (robot.effort_limit, robot.velocity_limit)
     )
-    turning = [model.nqs[1 + robot.joint_names.index(name)] == 2 for name in names]
-    ranges = np.array([
-        (-math.inf, math.inf) if turns else robot.joint_range(name)
-        for name, turns in zip(names, turning, strict=True)
-    ]).T  # fmt: skip
+    ranges = ranges_of(robot, names).T
     of_joints = [
         TorqueLimit(names, effort), SpeedLimit(names, speed), RangeLimit(names, *ranges),
     ]  # fmt: skip
-    weight = GRAVITY * pin.computeTotalMass(model)
+    weight = GRAVITY * pin.computeTotalMass(robot.workspace.model)
     margins = _Margins(len(motion.t))
     for row, (q, v) in enumerate(zip(motion.q, motion.v, strict=True)):
         values = robot.joint_values(q)

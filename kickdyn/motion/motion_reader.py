@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
@@ -89,53 +89,37 @@ def _read_npz(file: str | os.PathLike[str], source: str) -> MotionTable:
     check_file(file, source, LARGEST, FaultyFile)
     try:
         with np.load(file, allow_pickle=False) as read:
-            arrays: dict[str, Any] = {name: read[name] for name in _ARRAYS if name in read.files}
+            arrays = {name: read[name] for name in (*_SHAPES, "fps", "joint_names")
+                      if name in read.files and read[name].size}  # fmt: skip
     except (BadZipFile, ValueError, OSError, EOFError, AttributeError) as error:
         raise FaultyFile(source, [f"is no NPZ file of arrays: {error}"]) from None
     if "joint_pos" not in arrays:
         raise FaultyFile(source, ["has no joint_pos, the positions of the joints"])
-    joints = _numbers(arrays, "joint_pos", source, (None, None))
-    k = len(joints)
-    fps = arrays.get("fps")
-    rate = None if fps is None else _numbers({"fps": np.ravel(fps)}, "fps", source, (1,))
-    t = _numbers(arrays, "time", source, (k,)) if "time" in arrays else None
-    bodies = root = None
-    quaternion = ""
-    if "root_pos" in arrays and "root_quat_xyzw" in arrays:
-        quaternion = "xyzw"
-        place = _numbers(arrays, "root_pos", source, (k, None))
-        root = np.hstack([place, _numbers(arrays, "root_quat_xyzw", source, (k, None))])
-        root = root if root.shape[1] else None  # on a fixed base
-    elif "body_pos_w" in arrays and "body_quat_w" in arrays:
-        quaternion = "wxyz"
-        bodies = _numbers(arrays, "body_pos_w", source, (k, None, 3))
-        turns = _numbers(arrays, "body_quat_w", source, (k, None, 4))
-        root = np.hstack([bodies[:, 0], turns[:, 0]])
-    if root is not None and root.shape[1] != BASE_COLUMNS:
-        raise FaultyFile(source, ["has no 3 and 4 columns in root_pos and root_quat_xyzw"])
-    names = tuple(map(str, np.ravel(arrays.get("joint_names", ()))))
-    return MotionTable(
-        joints, root, quaternion, names, None if rate is None else float(rate[0]), t, bodies
-    )
+    names = tuple(map(str, np.ravel(arrays.pop("joint_names", ()))))
+    fps = np.ravel(arrays.pop("fps", ()))
+    k = len(arrays["joint_pos"])
+    for name, shape in _SHAPES.items():
+        array = arrays.get(name, np.zeros(0))
+        fits = array.ndim == len(shape) and array.dtype.kind in "fiu" and len(array) == k
+        if name in arrays and not (fits and shape[-1] in (None, array.shape[-1])):
+            raise FaultyFile(source, [f"has {name} of shape {array.shape} for {k} frames"])
+        arrays[name] = _finite(np.asarray(array, float), source, name)
+    root, quaternion, bodies = None, "", None
+    if arrays["root_pos"].size and arrays["root_quat_xyzw"].size:
+        root, quaternion = np.hstack([arrays["root_pos"], arrays["root_quat_xyzw"]]), "xyzw"
+    elif arrays["body_pos_w"].size and arrays["body_quat_w"].size:
+        bodies, quaternion = arrays["body_pos_w"], "wxyz"
+        root = np.hstack([bodies[:, 0], arrays["body_quat_w"][:, 0]])
+    rate = float(fps[0]) if fps.size == 1 and fps.dtype.kind in "fiu" else None
+    t = arrays["time"] if arrays["time"].size else None
+    return MotionTable(arrays["joint_pos"], root, quaternion, names, rate, t, bodies)
 
 
-_ARRAYS = ("joint_pos", "joint_names", "fps", "time", "root_pos", "root_quat_xyzw",
-           "body_pos_w", "body_quat_w")  # fmt: skip
-"""Arrays that are read from an NPZ file."""
-
-
-def _numbers(arrays: Any, name: str, source: str, shape: tuple[int | None, ...]) -> Array:
-    """Return an array of finite numbers of a shape, in which None is any size."""
-    array = arrays[name]
-    sizes = [size if size is None else int(size) for size in shape]
-    fits = array.ndim == len(shape) and all(
-        size is None or size == have for size, have in zip(sizes, array.shape, strict=True)
-    )
-    if array.dtype.kind not in "fiu" or not fits:
-        wanted = f"({', '.join('n' if size is None else str(size) for size in sizes)})"
-        kind = f"{name} of shape {array.shape}, type {array.dtype}"
-        raise FaultyFile(source, [f"has {kind}: it must be numbers of shape {wanted}"])
-    return _finite(np.asarray(array, float), source, name)
+_SHAPES: dict[str, tuple[int | None, ...]] = {
+    "joint_pos": (None, None), "time": (None,), "root_pos": (None, 3), "root_quat_xyzw": (None, 4),
+    "body_pos_w": (None, None, 3), "body_quat_w": (None, None, 4),
+}  # fmt: skip
+"""Arrays of numbers in an NPZ file, with their shapes; None is any size."""
 
 
 def _finite(table: Array, source: str, name: str) -> Array:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput
-from kickdyn.motion.motion_file import file_joints
+from kickdyn.motion.motion_file import file_joints, ranges_of
 from kickdyn.motion.motion_reader import BASE_COLUMNS, MotionTable, read_table
 from kickdyn.motion.recorded_motion import (
     LEAST_FRAMES,
@@ -105,8 +105,6 @@ def read_motion(
     _check_angles(robot, names, ordered, source)
     if joints is None and not table.names:
         _check_order(robot, names, table, ordered, source)
-    if table.bodies is not None:
-        _check_bodies(robot, names, table, (root, ordered), source)
     t = np.arange(len(root)) / rate if table.t is None else table.t
     if contact is not None:
         contact = validation.number(
@@ -115,6 +113,8 @@ def read_motion(
     elif table.t is not None and t[0] < 0.0 < t[-1]:
         contact = 0.0
     frames = FrameTable(rate, t, root, ordered, contact)
+    if table.bodies is not None:
+        _check_bodies(robot, names, table, frames, source)
     motion = record(robot, frames, window, _range_warnings(robot, names, ordered, t))
     if doubt := _rate_doubt(motion):
         return record(robot, frames, window, (doubt, *motion.warnings))
@@ -209,14 +209,10 @@ def _unit_root(table: MotionTable, quaternion: str, source: str) -> Array:
 
 def _check_angles(robot: Leg, names: list[str], joints: Array, source: str) -> None:
     """Raise `FaultyFile` for angles beyond a turn, and beyond the range of their joint."""
-    for column, name in enumerate(names):
-        reach = max(map(abs, robot.joint_range(name)))
-        if robot.joint_unit(name) == "m" or reach == math.inf or name not in robot.single_joints:
-            continue
-        if robot.workspace.model.nqs[1 + robot.joint_names.index(name)] == 2:
-            continue  # a continuous joint may turn several times
-        row = int(np.abs(joints[:, column]).argmax())
-        if abs(joints[row, column]) > max(math.tau, reach):
+    for column, (name, bounds) in enumerate(zip(names, ranges_of(robot, names), strict=True)):
+        row, reach = int(np.abs(joints[:, column]).argmax()), np.abs(bounds).max()
+        is_angle = robot.joint_unit(name) == "rad" and reach < math.inf
+        if is_angle and abs(joints[row, column]) > max(math.tau, reach):
             raise FaultyFile(source, [
                 f"has {name} at {joints[row, column]:.4g} in row {row + 1}, more than a turn: "
                 "angles must be in radians, and seem to be in degrees"
@@ -225,11 +221,7 @@ def _check_angles(robot: Leg, names: list[str], joints: Array, source: str) -> N
 
 def _excess(robot: Leg, names: list[str], joints: Array) -> Array:
     """Return how far joints are outside their ranges, shape `(k, n)` [rad; m]."""
-    model = robot.workspace.model
-    lower, upper = np.array([
-        robot.joint_range(name) if model.nqs[1 + robot.joint_names.index(name)] == 1
-        else (-math.inf, math.inf) for name in names
-    ]).T  # fmt: skip
+    lower, upper = ranges_of(robot, names).T
     return np.asarray(np.maximum(lower - joints, joints - upper))
 
 
@@ -251,39 +243,30 @@ def _check_order(
 
 
 def _check_bodies(
-    robot: Leg,
-    names: list[str],
-    table: MotionTable,
-    frames: tuple[Array, Array],
-    source: str,
+    robot: Leg, names: list[str], table: MotionTable, frames: FrameTable, source: str
 ) -> None:
-    """Raise `FaultyFile` if joints are not where the file has bodies."""
-    assert table.bodies is not None
-    rows = np.unique(np.linspace(0, len(table.joints) - 1, 10).astype(int))
-    root, joints = frames
+    """Raise `FaultyFile` if joints are not where the file has bodies, at ten of its times."""
+    rows = np.unique(np.linspace(0, len(frames.t) - 1, LEAST_FRAMES).astype(int))
+    order, bodies, space = breadth_first(robot), np.asarray(table.bodies)[rows], robot.workspace
 
-    def farthest(values: Array) -> tuple[float, str]:
-        motion = record(robot, FrameTable(1.0, rows * 1.0, root[rows], values[rows], None))
-        space, worst = robot.workspace, (0.0, "")
-        assert table.bodies is not None
-        for q, bodies in zip(motion.q, table.bodies[rows], strict=True):
+    def farthest(joints: Array) -> tuple[float, str]:
+        some = FrameTable(1.0, rows * 1.0, frames.root[rows], joints[rows], None)
+        worst = 0.0, ""
+        for q, places in zip(record(robot, some).q, bodies, strict=True):
             pin.forwardKinematics(space.model, space.data, q)
             for joint in range(1, space.model.njoints):
-                place = space.data.oMi[joint].translation
-                apart = float(np.linalg.norm(bodies - place, axis=1).min())
-                worst = max(worst, (apart, str(space.model.names[joint])))
+                apart = np.linalg.norm(places - space.data.oMi[joint].translation, axis=1).min()
+                worst = max(worst, (float(apart), str(space.model.names[joint])))
         return worst
 
-    apart, name = farthest(joints)
+    apart, name = farthest(frames.joints)
     if apart > APART:
-        order = breadth_first(robot)
-        other = table.joints[:, [order.index(one) for one in names]]
-        fits = farthest(other)[0] <= APART
-        hint = f"joints={BREADTH_FIRST!r} agrees" if fits else "another model of the robot, or"
-        also = "" if fits else " joints= names their order"
+        other = farthest(table.joints[:, [order.index(one) for one in names]])[0]
+        hint = "joints= names the order of the file, or it is of another model"
+        hint = f"joints={BREADTH_FIRST!r} agrees" if other <= APART else hint
         raise FaultyFile(source, [
             f"has no body nearer than {apart:.2g} m to joint {name}, where the positions of the "
-            f"joints put it: {hint}{also}"
+            f"joints put it: {hint}"
         ])  # fmt: skip
 
 

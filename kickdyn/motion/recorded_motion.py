@@ -34,6 +34,9 @@ UNSMOOTHED, WINDOW = DEGREE + 1, 7
 PLAN_RATE = 500.0
 """Rate at which planned motions are sampled [Hz]."""
 
+BASE = 7
+"""Size of the configuration of a floating base."""
+
 LEAST_FRAMES = 10
 """Least number of frames of a motion."""
 
@@ -160,13 +163,38 @@ def record(
     window = validation.whole("window", window, at_least=UNSMOOTHED)
     if window % 2 == 0:
         raise InvalidInput(f"window is {window}: it must be odd, so that a frame is in its middle")
-    pieces = _pieces(table, window)
-    smooth, raw = (_Derivatives(leg, table, pieces, size) for size in (window, UNSMOOTHED))
-    smoothing = smooth.differences(raw, table.t) if window > UNSMOOTHED else ()
+    pieces, model = _pieces(table, window), leg.workspace.model
+    names = file_joints(leg)
+    numbers = [int(model.getJointId(name)) for name in names]
+    turns = [column for column, joint in enumerate(numbers) if model.nqs[joint] == 2]
+    columns = [int(model.idx_vs[joint]) for joint in numbers]
+    joints, root = np.array(table.joints), np.zeros((len(table.t), 0))
+    joints[:, turns] = np.unwrap(joints[:, turns], axis=0)
+    q = np.zeros((len(table.t), leg.nq))
+    if table.root.size:
+        base = model.jointPlacements[1]
+        place = (table.root[:, :3] - base.translation) @ base.rotation
+        turn = Rotation.from_matrix(base.rotation).inv() * Rotation.from_quat(table.root[:, 3:])
+        q[:, :BASE] = root = np.hstack([place, continuous(turn.as_quat())])
+    for joint, angle in zip(numbers, joints.T, strict=True):
+        index, size = int(model.idx_qs[joint]), int(model.nqs[joint])
+        q[:, index : index + size] = (
+            np.column_stack([np.cos(angle), np.sin(angle)]) if size == 2 else angle[:, None]
+        )
+    frames = np.hstack([root, joints])
+    smooth, v, a = _motion(frames, pieces, (window, table.rate), columns, leg.nv)
+    smoothing = list[Smoothing]()
+    if window > UNSMOOTHED:
+        _, raw, _ = _motion(frames, pieces, (UNSMOOTHED, table.rate), columns, leg.nv)
+        units = [leg.joint_unit(name) for name in names]
+        labels = list(zip(names, units, strict=True))
+        moved = np.split(smooth - frames, [root.shape[1]], axis=1)
+        smoothing = _smoothing("position", "", moved, labels, table.t)
+        changed = [(v - raw)[:, :6] if root.size else root, (v - raw)[:, columns]]
+        smoothing += _smoothing("velocity", "/s", changed, labels, table.t)
     return RecordedMotion(
-        leg, table.rate, np.array(table.t), raw.configurations(), smooth.velocity,
-        smooth.acceleration, table.contact, smoothing, warnings,
-    )  # fmt: skip
+        leg, table.rate, np.array(table.t), q, v, a, table.contact, tuple(smoothing), warnings
+    )
 
 
 def _pieces(table: FrameTable, window: int) -> list[slice]:
@@ -178,90 +206,60 @@ def _pieces(table: FrameTable, window: int) -> list[slice]:
     for piece in pieces:
         frames = piece.stop - piece.start
         if frames < window:
-            side = "" if len(pieces) == 1 else " before" if piece.start == 0 else " after"
-            raise InvalidInput(
-                f"there are {frames} frames{side}{' the impact' if side else ''}: a window of "
-                f"{window} needs as many; contact= is the time of the impact [s], from "
-                f"{table.t[0]:g} to {table.t[-1]:g}"
-            )
+            side = "before" if piece.start == 0 else "after"
+            where = f" {side} the impact" if len(pieces) > 1 else ""
+            raise InvalidInput(f"there are {frames} frames{where}: a window of {window} needs more")
     return pieces
 
 
-class _Derivatives:
-    """Velocities and accelerations of frames, by polynomials through a window of these."""
+def _motion(
+    frames: Array, pieces: list[slice], fit: tuple[int, float], columns: list[int], nv: int
+) -> tuple[Array, Array, Array]:
+    """Return smoothed frames, v and a.
 
-    def __init__(self, leg: Leg, table: FrameTable, pieces: list[slice], window: int) -> None:
-        model, k = leg.workspace.model, len(table.t)
-        self._leg = leg
-        names = file_joints(leg)
-        numbers = [int(model.getJointId(name)) for name in names]
-        self._names = names
-        self._qs = [(int(model.idx_qs[j]), int(model.nqs[j])) for j in numbers]
-        self._vs = [int(model.idx_vs[j]) for j in numbers]
-        turns = [column for column, (_, nq) in enumerate(self._qs) if nq == 2]
-        joints = np.array(table.joints)
-        joints[:, turns] = np.unwrap(joints[:, turns], axis=0)
-        self._angles = joints
+    Args:
+        frames: position and quaternion of a floating base, and joints, shape `(k, 7 + n)`.
+        pieces: frames between which nothing is smoothed.
+        fit: window, and rate [Hz].
+        columns: of the joints in v.
+        nv: size of v.
+    """
+    orders, (window, rate) = np.zeros((3, *frames.shape)), fit
+    for piece in pieces:
+        for order in range(3):
+            orders[order, piece] = savgol_filter(
+                frames[piece], window, DEGREE, order, 1.0 / rate, axis=0
+            )
+    v, a = np.zeros((2, len(frames), nv))
+    base = frames.shape[1] - len(columns)
+    v[:, columns], a[:, columns] = orders[1:, :, base:]
+    if base:
+        turn, turned, accelerated = orders[:, :, 3:BASE]
+        rotation, omega = Rotation.from_quat(turn).inv(), _doubled(turn, turned)
+        linear = rotation.apply(orders[1, :, :3])
+        v[:, :6] = np.hstack([linear, omega])
+        a[:, :3] = rotation.apply(orders[2, :, :3]) - np.cross(omega, linear)
+        a[:, 3:6] = _doubled(turn, accelerated)
+    return orders[0], v, a
 
-        def differentiated(samples: Array) -> Array:
-            orders = np.zeros((3, *samples.shape))
-            for piece in pieces:
-                for order in range(3):
-                    orders[order, piece] = savgol_filter(
-                        samples[piece], window, DEGREE, order, 1.0 / table.rate, axis=0
-                    )
-            return orders
 
-        self.joints = differentiated(joints)
-        self.velocity, self.acceleration = np.zeros((2, k, leg.nv))
-        self.velocity[:, self._vs], self.acceleration[:, self._vs] = self.joints[1:]
-        self.floats = table.root.shape[1] > 0
-        if not self.floats:
-            return
-        base = model.jointPlacements[1]
-        self._place = place = (table.root[:, :3] - base.translation) @ base.rotation
-        turn = Rotation.from_matrix(base.rotation).inv() * Rotation.from_quat(table.root[:, 3:])
-        self._quaternions = continuous(turn.as_quat())
-        self.place, self.turn = differentiated(place), differentiated(self._quaternions)
-        rotation = Rotation.from_quat(self.turn[0]).inv()
-        linear, angular = rotation.apply(self.place[1]), _doubled(self.turn[0], self.turn[1])
-        self.velocity[:, :6] = np.hstack([linear, angular])
-        accelerated = rotation.apply(self.place[2]) - np.cross(angular, linear)
-        self.acceleration[:, :6] = np.hstack([accelerated, _doubled(self.turn[0], self.turn[2])])
-
-    def configurations(self) -> Array:
-        """Return q, shape `(k, nq)`, of positions that are not smoothed."""
-        q = np.zeros((len(self.velocity), self._leg.nq))
-        if self.floats:
-            q[:, :7] = np.hstack([self._place, self._quaternions])
-        for column, (place, nq) in enumerate(self._qs):
-            angle = self._angles[:, column]
-            q[:, place] = np.cos(angle) if nq == 2 else angle
-            if nq == 2:
-                q[:, place + 1] = np.sin(angle)
-        return q
-
-    def differences(self, raw: "_Derivatives", t: Array) -> tuple[Smoothing, ...]:
-        """Return how far these are from those that are not smoothed."""
-        found = list[Smoothing]()
-        units = [self._leg.joint_unit(name) for name in self._names]
-        for order, quantity, per in ((0, "position", ""), (1, "velocity", "/s")):
-            apart = np.abs(self.joints[order] - raw.joints[order])
-            frame, column = np.unravel_index(apart.argmax(), apart.shape)
-            most, unit, name = float(apart[frame, column]), units[column] + per, self._names[column]
-            found.append(Smoothing(quantity, "joints", most, unit, name, float(t[frame])))
-            if not self.floats:
-                continue
-            moved = self.place[order] - raw.place[order]
-            turned = self.velocity[:, 3:6] - raw.velocity[:, 3:6]
-            if order == 0:
-                turned = _doubled(raw.turn[0], self.turn[0])
-            for part, change, unit in (("position", moved, "m"), ("rotation", turned, "rad")):
-                size = np.linalg.norm(change, axis=1)
-                frame = int(size.argmax())
-                found.append(Smoothing(quantity, f"base {part}", float(size[frame]), unit + per,
-                                       "", float(t[frame])))  # fmt: skip
-        return tuple(found)
+def _smoothing(
+    quantity: str, per: str, changes: list[Array], joints: list[tuple[str, str]], t: Array
+) -> list[Smoothing]:
+    """Return the largest changes of the joints, with their names and units, and of the base."""
+    base, of_joints = changes
+    parts = [("joints", np.abs(of_joints), joints)]
+    if base.size:
+        turned = np.linalg.norm(base[:, 3:], axis=1) * (2.0 if base.shape[1] == BASE else 1.0)
+        parts.append(("base position", np.linalg.norm(base[:, :3], axis=1)[:, None], [("", "m")]))
+        parts.append(("base rotation", turned[:, None], [("", "rad")]))
+    found = []
+    for part, sizes, labels in parts:
+        frame, column = divmod(int(sizes.argmax()), sizes.shape[1])
+        name, unit = labels[column]
+        amount = float(sizes[frame, column])
+        found.append(Smoothing(quantity, part, amount, unit + per, name, float(t[frame])))
+    return found
 
 
 def _doubled(q: Array, other: Array) -> Array:

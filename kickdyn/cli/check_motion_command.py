@@ -45,9 +45,10 @@ class RecordingOptions:
         "--ground", type=float,
         help="Height of the ground [m].  [default: 0; on a fixed base, as low as the foot]",
     )  # fmt: skip
-    ground_friction: float = option(
-        "--ground-friction", type=float, default=FRICTION, show_default=True,
-        help="Coefficient of friction of ground and soles.",
+    ground_friction: float | None = option(
+        "--ground-friction", type=float,
+        help=f"Coefficient of friction of ground and soles.  [default: that of --support, or "
+        f"{FRICTION:g}]",
     )  # fmt: skip
 
 

@@ -148,7 +148,7 @@ def check_motion(
     contact: Contact | None = None,
     *,
     ground: float | None = None,
-    ground_friction: float = FRICTION,
+    ground_friction: float | None = None,
 ) -> MotionCheck:
     r"""Return the launch of a ball if a motion struck it in each frame, and the limits it breaks.
 
@@ -172,7 +172,8 @@ def check_motion(
             count. None is `Contact()`.
         ground: height of the ground [m]; None is 0, or of a leg on a fixed base the height of its
             contact point while all joints are at 0, under which bodies may be.
-        ground_friction: Coulomb's coefficient of ground and soles.
+        ground_friction: Coulomb's coefficient of ground and soles; None is that of the robot's
+            supports, or 0.7.
 
     Raises:
         InvalidInput: a motion of another robot, or a number out of range.
@@ -188,7 +189,9 @@ def check_motion(
         ground = floor if is_floating(robot) else _lowest(robot, contact)
     else:
         ground = floor = validation.number("ground", ground, unit="m")
-    friction = validation.number("ground friction", ground_friction, at_least=0)
+    stated = [support.friction for support in robot.supports if support.friction is not None]
+    friction = (stated or [FRICTION])[0] if ground_friction is None else ground_friction
+    friction = validation.number("ground friction", friction, at_least=0)
     warnings, bare = list(recorded.warnings), robot.with_supports()
     try:
         forces = ground_forces(recorded, robot)

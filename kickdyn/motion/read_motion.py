@@ -99,6 +99,11 @@ def read_motion(
     rate = validation.number(
         "rate", table.rate if rate is None else rate, above=0, at_most=1e5, unit="Hz"
     )
+    if table.t is not None and not np.allclose(np.diff(table.t), 1.0 / rate, rtol=0.01):
+        raise FaultyFile(source, [
+            f"has times that are {np.median(np.diff(table.t)):.4g} s apart in the median: at "
+            f"{rate:g} Hz all must be {1.0 / rate:.4g} s apart"
+        ])  # fmt: skip
     order = _order(robot, joints, table, source)
     ordered = table.joints[:, [order.index(name) for name in names]]
     root = _unit_root(table, quaternion, source)

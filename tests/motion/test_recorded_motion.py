@@ -97,6 +97,11 @@ def test_velocities_are_those_of_an_npz(swinging_file):
         agrees(motion.t, arrays["time"], closed_form())
 
 
+def test_times_that_do_not_fit_the_rate_are_refused(swinging_file):
+    with pytest.raises(kd.InvalidInput, match=r"0\.002 s apart .*at 100 Hz all must be 0\.01 s"):
+        kd.read_motion(swinging_file[0], HUMAN, rate=100)
+
+
 @pytest.fixture
 def swinging_file(make_motion, tmp_path):
     make_motion(HUMAN, HUMAN.joint_names).save(tmp_path / "leg.npz", rate=500)

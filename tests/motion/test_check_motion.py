@@ -52,11 +52,9 @@ def test_a_launch_is_that_of_strike_with_the_standing_foot_held(swung):
         if not 0.0 < z < 2 * BALL.radius or np.hypot(*foot[:2]) < 1e-3:
             assert int(row.status) == 2
             continue
-        elevation = np.arcsin((BALL.radius - z) / BALL.radius)
-        azimuth = np.arctan2(foot[1], foot[0])
-        level = np.cos(elevation)
-        normal = level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)
-        agrees(row.normal, normal, closed_form(100))
+        rise = (BALL.radius - z) / BALL.radius
+        level = np.cos(np.arcsin(rise)) / np.hypot(*foot[:2])
+        normal = level * foot[0], level * foot[1], rise
         agrees(row.ball_position, [x, y, z] + BALL.radius * np.array(normal), closed_form(100))
         assert float(row.ball_position[2]) == pytest.approx(BALL.radius)  # it lies on the ground
         assert float(row.effective_mass) == pytest.approx(posture.effective_mass(normal))
@@ -81,7 +79,9 @@ def test_torques_are_those_of_inverse_dynamics_with_the_ground_on_the_foot(swung
     frame = model.getFrameId("left_foot")
     forces = check.forces
     np.testing.assert_array_equal(forces.stands[:, 0], np.ones(COUNT, bool))
-    for k in np.flatnonzero(~forces.stands[:, 1]):
+    alone = np.flatnonzero(~forces.stands[:, 1])
+    assert 10 < len(alone) < COUNT
+    for k in alone:
         pin.framesForwardKinematics(model, data, motion.q[k])
         joint = int(model.frames[frame].parentJoint)
         outer = pin.StdVec_Force()
@@ -90,6 +90,17 @@ def test_torques_are_those_of_inverse_dynamics_with_the_ground_on_the_foot(swung
         right = pin.rnea(model, data, motion.q[k], motion.v[k], motion.a[k], outer)
         agrees(forces.torque[k], right, closed_form(1e4))
         assert np.abs(right[:6]).max() < 1e-9  # the ground alone moves the base
+
+
+def test_a_higher_ground_under_a_higher_robot_changes_nothing(swung):
+    motion, check = swung
+    q = motion.q + 0.3 * np.eye(BIPED.nq)[2]
+    higher = record(BIPED, FrameTable(RATE, T, q[:, :7], q[:, 7:], None))
+    other = kd.check_motion(higher, BIPED, BALL, CONTACT, ground=0.3, ground_friction=0.6)
+    agrees(other.forces.torque, check.forces.torque, closed_form(1e5))
+    assert other.margins.keys() == check.margins.keys()
+    for name, values in check.margins.items():
+        agrees(np.nan_to_num(other.margins[name]), np.nan_to_num(values), closed_form(1e7))
 
 
 def test_on_both_feet_the_wrenches_add_up():

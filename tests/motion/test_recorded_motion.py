@@ -89,23 +89,15 @@ def test_what_a_motion_saves_is_read_back(ending, walking, tmp_path):
         agrees(np.delete(motion.q[k], range(3, 7)), np.delete(q, range(3, 7)), closed_form(100))
 
 
-def test_velocities_are_those_of_an_npz(swinging_file):
+def test_velocities_are_those_of_an_npz_and_its_times_fit_the_rate(make_motion, tmp_path):
     """The splines have degree 3: differences are from where their pieces meet."""
-    file, motion = swinging_file
+    file = tmp_path / "leg.npz"
+    make_motion(HUMAN, HUMAN.joint_names).save(file, rate=500)
     with np.load(file) as arrays:
-        agrees(motion.v, arrays["joint_vel"], 0.01)
-        agrees(motion.t, arrays["time"], closed_form())
-
-
-def test_times_that_do_not_fit_the_rate_are_refused(swinging_file):
+        agrees(kd.read_motion(file, HUMAN).v, arrays["joint_vel"], 0.01)
+        agrees(kd.read_motion(file, HUMAN).t, arrays["time"], closed_form())
     with pytest.raises(kd.InvalidInput, match=r"0\.002 s apart .*at 100 Hz all must be 0\.01 s"):
-        kd.read_motion(swinging_file[0], HUMAN, rate=100)
-
-
-@pytest.fixture
-def swinging_file(make_motion, tmp_path):
-    make_motion(HUMAN, HUMAN.joint_names).save(tmp_path / "leg.npz", rate=500)
-    return tmp_path / "leg.npz", kd.read_motion(tmp_path / "leg.npz", HUMAN)
+        kd.read_motion(file, HUMAN, rate=100)
 
 
 def beyond_mimic(folder, order, **changed):
@@ -156,10 +148,9 @@ def test_joints_out_of_range_and_a_wrong_rate_are_warnings(tmp_path):
     assert "instead of 1000 Hz" in line
 
 
-def spoilt(row=None, column=None, value=None, **changes):
+def spoilt(row, column, value):
     table = standing()
-    if row is not None:
-        table[row, column] = value
+    table[row, column] = value
     return table
 
 
@@ -185,24 +176,25 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("name", BAD)
+NO_MOTION = {
+    "missing.csv": (None, "no such file"), "a.bvh": (b"", "from .csv and .npz"),
+    "words.csv": (b"a,b\n1,x\n", "no table of numbers"), "empty.csv": (b"", "is empty"),
+    "text.npz": (b"1,2,3", "no NPZ file"), "ragged.csv": (b"1,2\n1\n", "no table of numbers"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [*BAD, *NO_MOTION])
 def test_bad_input_is_one_line(name, tmp_path):
-    table, options, words = BAD[name]
+    if name in BAD:
+        table, options, words = BAD[name]
+        name = written(tmp_path, table).name
+    else:
+        (content, words), options = NO_MOTION[name], {}
+        if content is not None:
+            (tmp_path / name).write_bytes(content)
     with pytest.raises(kd.InvalidInput, match=words) as error:
-        kd.read_motion(written(tmp_path, table), BIPED, **{"rate": RATE} | options)
+        kd.read_motion(tmp_path / name, BIPED, **{"rate": RATE} | options)
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(("name", "content", "words"), [
-    ("missing.csv", None, "no such file"), ("a.bvh", b"", "from .csv and .npz"),
-    ("words.csv", b"a,b\n1,x\n", "no table of numbers"), ("empty.csv", b"", "is empty"),
-    ("text.npz", b"1,2,3", "no NPZ file"), ("ragged.csv", b"1,2\n1\n", "no table of numbers"),
-])  # fmt: skip
-def test_a_file_that_is_no_motion_is_one_line(name, content, words, tmp_path):
-    if content is not None:
-        (tmp_path / name).write_bytes(content)
-    with pytest.raises(kd.InvalidInput, match=words):
-        kd.read_motion(tmp_path / name, HUMAN, rate=RATE)
 
 
 def test_quaternions_wxyz_are_read_if_they_are_named(tmp_path):

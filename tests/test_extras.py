@@ -61,6 +61,9 @@ LACKING = {
 }
 """What needs the packages of each extra that users install for a feature."""
 
+CHECK = "kd.check_motion(kd.read_motion('swing.csv', leg, rate=50), leg, kd.Ball())"
+"""What needs the extra `motion`, too; reading does not."""
+
 
 def without_extras(folder, code):
     """Run Python code where no package of an extra can be imported; return what it printed."""
@@ -84,12 +87,13 @@ def test_what_needs_no_extra_works_without_them(tmp_path):
 def test_what_needs_an_extra_names_it_in_a_line(tmp_path):
     tries = "".join(
         f"try:\n    {call}\nexcept kd.InvalidInput as error:\n    print(error)\n"
-        for call in LACKING.values()
+        for call in (*LACKING.values(), CHECK)
     )
+    (tmp_path / "swing.csv").write_text("0.1,0.2,0.3\n" * 12)
     lines = without_extras(
         tmp_path, f"import kickdyn as kd\nleg, kick = kd.Leg.human(), kd.Kick(attack=0.5)\n{tries}"
     )
-    for extra, line in zip(LACKING, lines, strict=True):
+    for extra, line in zip([*LACKING, "motion"], lines, strict=True):
         assert f'pip install "kickdyn[{extra}]"' in line
 
 

@@ -8,7 +8,6 @@ from kickdyn.cli.command import Command, busy, print_wrapped, warn
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import BallOptions, OutputOptions, PointOptions, option, takes
 from kickdyn.motion.check_motion import check_motion as check
-from kickdyn.motion.limits import FRICTION
 from kickdyn.motion.read_motion import BREADTH_FIRST, OF_MODEL, read_motion
 from kickdyn.motion.recorded_motion import WINDOW
 
@@ -47,8 +46,7 @@ class RecordingOptions:
     )  # fmt: skip
     ground_friction: float | None = option(
         "--ground-friction", type=float,
-        help=f"Coefficient of friction of ground and soles.  [default: that of --support, or "
-        f"{FRICTION:g}]",
+        help="Coefficient of friction of ground and soles.  [default: that of --support, or 0.7]",
     )  # fmt: skip
 
 

@@ -3,7 +3,8 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -18,12 +19,13 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.strike_many import StrikeStatus, strike_many
 from kickdyn.motion.ground_forces import GroundForces, ground_forces
-from kickdyn.motion.limits import FRICTION
 from kickdyn.motion.motion import Motion
-from kickdyn.motion.motion_limits import BrokenLimit, margins_of
 from kickdyn.motion.recorded_motion import RecordedMotion, as_recorded
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
+
+if TYPE_CHECKING:
+    from kickdyn.motion.motion_limits import BrokenLimit
 
 SHOWN_LIMITS = 12
 """Number of broken limits in the rows that are shown."""
@@ -75,7 +77,7 @@ class MotionCheck(ReprMixin):
     launches: xr.Dataset
     forces: GroundForces
     margins: Mapping[str, Array]
-    broken: tuple[BrokenLimit, ...]
+    broken: "tuple[BrokenLimit, ...]"
     warnings: tuple[str, ...]
 
     @property
@@ -176,8 +178,16 @@ def check_motion(
             supports, or 0.7.
 
     Raises:
-        InvalidInput: a motion of another robot, or a number out of range.
+        InvalidInput: a motion of another robot, a number out of range, or the package casadi is
+            not installed (`pip install "kickdyn[motion]"`).
     """
+    if find_spec("casadi") is None:
+        raise InvalidInput(
+            'limits of motions need the package casadi: pip install "kickdyn[motion]" installs it'
+        )
+    from kickdyn.motion.limits import FRICTION  # it imports CasADi
+    from kickdyn.motion.motion_limits import margins_of
+
     recorded, contact = as_recorded(motion), contact or Contact()
     if recorded.leg.joint_names != robot.joint_names or recorded.leg.nq != robot.nq:
         raise InvalidInput(

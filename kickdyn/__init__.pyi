@@ -52,6 +52,7 @@ from .plane import Plane as Plane
 from .planning.goal import Goal as Goal
 from .planning.interception import IncomingBall as IncomingBall
 from .planning.kick import plan_kick as plan_kick
+from .planning.kick_library import kick_library as kick_library
 from .planning.kick_plan import KickPlan as KickPlan
 from .planning.launch import Launch as Launch
 from .planning.launch import plan_launch as plan_launch

@@ -14,6 +14,7 @@ COMMANDS = {
     "posture-sweep": "Kick from a grid of postures.",
     "plan": "Plan a kick for a given target.",
     "reach": "Find the largest launch in each direction.",
+    "kick-library": "Plan motions for a range of launches.",
     "paper": "Reproduce the ICRA 2005 paper, item by item.",
     "tradeoff": "Measure what each effect of a scene changes.",
     "simulate": "Simulate a scene file to a tolerance.",

@@ -54,6 +54,10 @@ JERK, ENDS, SHARE = {False: 1e-8, True: 1e-7}, 0.1, 3.0
 the posture at both ends [1/rad2] and of the share of the launch that is not reached, against about
 0.1 s of squared torque."""
 
+NEARNESS = 0.1
+"""Weight of the squared distance from other coefficients [1/rad2]: the optimum is flat in some
+directions, in which motions of neighbouring kicks would differ by tenths of a radian."""
+
 LEAST_EFFECT, LEAST_MULTIPLIER = 1e-3, 0.05
 """Share of the launch below which a limit does not count as one that reduces it, and multiplier
 below which a row does not count: Ipopt gives those that are not reached small ones, too."""
@@ -199,6 +203,11 @@ class MotionProblem:
         cost = ca.sumsqr(forces[: self.n]) / self.n
         return labels, is_height, make_rows(unknowns, change, rows, cost)
 
+    @property
+    def row_labels(self) -> list[str]:
+        """Names of the rows of `margins`, with their units."""
+        return [with_unit(label, limit) for limit in self.limits for label in limit.labels]
+
     def ball_centre(self, q: Array) -> Array:
         """Return the centre of the ball that the foot touches at q, shape `(3,)` [m]."""
         return np.asarray(self._ball_centre(q)).ravel()
@@ -336,6 +345,7 @@ class MotionProblem:
         shares: tuple[float, float],
         options: dict[str, Any],
         apart: Sequence[Conditions] = (),
+        near: Array | None = None,
     ) -> Solution:
         """Return the solution from another one, with other points, by Ipopt.
 
@@ -346,6 +356,8 @@ class MotionProblem:
             shares: bounds of the share.
             options: of Ipopt, besides `OPTIONS`.
             apart: conditions of bodies.
+            near: coefficients near which those of the solution are, shape `(size, n)`, by
+                `NEARNESS` times half the squared distance in the objective.
         """
         n, splines = self.n, self.splines
         moments, free = np.concatenate(times), len(self._most)
@@ -381,7 +393,7 @@ class MotionProblem:
         if len(multipliers) != len(lowest):  # the ball's place had other equations
             multipliers = np.zeros(len(lowest))
         columns = size + bound.size
-        solver = block_solver(blocks, to_speeds, self._cost(rest), columns, options)
+        solver = block_solver(blocks, to_speeds, self._cost(rest, near), columns, options)
         end = solver(
             x0=np.concatenate([
                 start.coefficients.ravel(), [np.clip(start.share, *shares)],
@@ -546,8 +558,8 @@ class MotionProblem:
         rows = self._rows_apart(conditions.joints)
         return Block(rows, per_joint(maps, n, 1), conditions.parameters, np.zeros(len(times)))
 
-    def _cost(self, rest: Array) -> Cost:
-        """Return the jerk, the posture at both ends and the share, of the objective."""
+    def _cost(self, rest: Array, near: Array | None) -> Cost:
+        """Return jerk, posture at both ends, share and nearness in the objective."""
         splines = self.splines
         middles = [(grid[1:] + grid[:-1]) / 2 for grid in splines.grids]
         lengths = np.concatenate([np.diff(grid) for grid in splines.grids])
@@ -559,4 +571,8 @@ class MotionProblem:
         every = sp.kron(sp.csr_matrix(matrix), sp.eye(self.n))
         slope = np.zeros(splines.size * self.n + 1)
         slope[-1] = -SHARE
-        return Cost(every, np.tile(rest, splines.size), slope)
+        centre = np.tile(rest, splines.size)
+        if near is not None:
+            slope[:-1] = -(every @ centre + NEARNESS * near.ravel())
+            every, centre = every + NEARNESS * sp.eye(len(centre)), np.zeros_like(centre)
+        return Cost(every, centre, slope)

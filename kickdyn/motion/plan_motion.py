@@ -48,6 +48,9 @@ MOST_WORK, LEGS_WORK, LEAST_ITERATIONS = 14000, 4500, 10
 """Iterations of Ipopt times joints that move: of a plan, and of its legs alone, at most. Fewer
 iterations than the last number are not begun. An iteration takes about 8 ms for each joint."""
 
+CONTINUED = 200
+"""Iterations of Ipopt for a motion next to another one, at most: 8 to 60 are usual."""
+
 ROWS = 300
 """Conditions of bodies that take as long as a joint in an iteration."""
 
@@ -134,6 +137,23 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     return max(others, key=lambda motion: motion.rank)
 
 
+def continue_motion(task: KickTask, start: Solution, near: Array | None = None) -> Verdict:
+    """Return the verdict on the motion of a kick next to the solution of nearly the same kick.
+
+    Both have the same joints and the same local optimum, so motions in between them are nearly
+    optimal too. Limits that are broken between the points of the solver get points there.
+
+    Args:
+        task: the kick.
+        start: solution of nearly the same kick.
+        near: coefficients near which the motion is, see `MotionProblem.solve`.
+    """
+    problem = motion_problem(task, [name for name in start.limited if name in task.resting])
+    search = _Search(problem, start.rest, _Work(CONTINUED * problem.n), partly=False, near=near)
+    verdict = search.again(start)
+    return verdict if verdict.keeps_limits else search.refine(verdict.solution)
+
+
 @dataclass(frozen=True, eq=False)
 class _Near:
     """What to start from.
@@ -162,7 +182,7 @@ def _plan(
     """
     former = None if near.motion is None else near.motion.solution
     limited = () if former is None else [name for name in former.limited if name in task.resting]
-    problem, verdicts = _problem_of(task, limited), list[Verdict]()
+    problem, verdicts = motion_problem(task, limited), list[Verdict]()
     idle = [] if whole is None or near.motion is not None else idle_limbs(whole, task.leg)
     for posture, start in islice(_starts(problem, near), max(starts, 2 if near.motion else 1)):
         search = _Search(problem, posture, work, partly=starts > 0)
@@ -179,7 +199,8 @@ def _plan(
     return best_of(verdicts).planned()
 
 
-def _problem_of(task: KickTask, limited: Sequence[str] = ()) -> MotionProblem:
+def motion_problem(task: KickTask, limited: Sequence[str] = ()) -> MotionProblem:
+    """Return the problem of a kick's motion; `limited` are joints at rest with rows of torque."""
     stands = task.standing is not None
     return MotionProblem(task, MotionSplines(*DURATIONS[stands], INTERVALS[stands]), limited)
 
@@ -198,7 +219,7 @@ def _put_aside(
     angles = limbs_aside(task, whole, postures, limbs)
     if not angles:
         return problem
-    return _problem_of(replace(task, leg=kicking_chain(whole, others=angles).leg, aside=angles))
+    return motion_problem(replace(task, leg=kicking_chain(whole, others=angles).leg, aside=angles))
 
 
 class _Search:
@@ -209,9 +230,18 @@ class _Search:
         rest: posture near which both ends are, shape `(n,)`.
     """
 
-    def __init__(self, problem: MotionProblem, rest: Array, work: _Work, *, partly: bool) -> None:
+    def __init__(
+        self,
+        problem: MotionProblem,
+        rest: Array,
+        work: _Work,
+        *,
+        partly: bool,
+        near: Array | None = None,
+    ) -> None:
         """Make a search; `partly` says whether a share of the launch is of use."""
         self.problem, self.rest, self._work, self._partly = problem, rest, work, partly
+        self._near = near
 
     def _solve(
         self,
@@ -231,6 +261,7 @@ class _Search:
             shares=shares,
             options={**options, "max_iter": most},
             apart=apart,
+            near=self._near,
         )
         self._work.left -= joints * solution.iterations
         return solution
@@ -248,7 +279,7 @@ class _Search:
         limited = self.problem.limited
         others = [name for name in verdict.overloaded() if name not in limited]
         if others:
-            self.problem = _problem_of(self.problem.task, (*limited, *others))
+            self.problem = motion_problem(self.problem.task, (*limited, *others))
         return bool(others)
 
     def again(self, start: Solution) -> Verdict:

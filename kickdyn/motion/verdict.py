@@ -163,6 +163,7 @@ class Verdict:
     Attributes:
         broken: largest violation of a limit, in its unit; 0 where there is none.
         torque_squared: see `PlannedMotion`.
+        deepest: largest depth of bodies inside each other or the ball [m].
     """
 
     def __init__(self, problem: MotionProblem, solution: Solution) -> None:
@@ -178,10 +179,11 @@ class Verdict:
         posture = splines.at_impact()[0] @ solution.coefficients
         self.impulse = np.asarray(problem.impulse_margins(posture, problem.jump(posture))).ravel()
         self.nearness = Nearness(problem, solution, self.times)
-        deepest = max((gap.place.depth for gaps in self.nearness.gaps for gap in gaps), default=0.0)
+        depths = (gap.place.depth for gaps in self.nearness.gaps for gap in gaps)
+        self.deepest = max(depths, default=0.0)
         least = np.concatenate([[0.0], self.rows.min(axis=0), self.impulse + 1e-6])
         self.broken = max(
-            -float(least.min()), deepest - ALLOWED, 0.0 if solution.feasible else UNSOLVED
+            -float(least.min()), self.deepest - ALLOWED, 0.0 if solution.feasible else UNSOLVED
         )
 
     def add_points(self, points: list[Array]) -> list[Array]:

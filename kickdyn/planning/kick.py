@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -48,6 +49,9 @@ from kickdyn.robot.collisions import disabled_pairs
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
 from kickdyn.robot.surgery import turn_body
+
+if TYPE_CHECKING:
+    from kickdyn.motion.kick_task import KickTask
 
 FARTHEST_BALL = 1e9
 """Farthest that a ball may lie from the world's origin, along each axis [m]."""
@@ -304,31 +308,11 @@ def _plan_motion(
         raise InvalidInput(
             'motions need the package casadi: install it with pip install "kickdyn[motion]"'
         )
-    from kickdyn.motion.kick_task import KickTask  # it imports CasADi
-    from kickdyn.motion.plan_motion import plan_motion
+    from kickdyn.motion.plan_motion import plan_motion  # it imports CasADi
 
-    standing, none = problem.standing, np.zeros((0, 3))
-    if both_feet and standing is None:
-        raise InvalidInput(
-            f"{problem.robot.name} has no support: a motion starts on both feet with a robot on a "
-            "floating base that stands on one foot (Leg.with_supports, --support)"
-        )
-    place, facing = problem.find(BallPosition), problem.find(Facing)
-    leg = problem.limb.leg if standing is None else standing.leg
-    task = KickTask(
-        problem.robot,
-        leg,
-        problem.variables.target,
-        problem.foot_directions,
-        none if place is None else place.rows,
-        np.zeros(3) if place is None else place.centre,
-        none if facing is None else facing.axes,
-        standing,
-        problem.find(MuscleTorqueLimit) is not None,
-        standing.kicking_foot() if both_feet and standing is not None else None,
-    )
+    task = motion_task(problem, both_feet=both_feet)
     planned = plan_motion(task, near)
-    posture = problem.robot.posture(planned.motion.q(0.0))
+    posture, standing = problem.robot.posture(planned.motion.q(0.0)), problem.standing
     outcome = {
         "share": planned.share,
         "value": planned.torque_squared,
@@ -340,6 +324,32 @@ def _plan_motion(
         "muscles": task.muscles,
     }
     return posture, planned.motion.v(0.0), outcome
+
+
+def motion_task(problem: KickProblem, *, both_feet: bool = False) -> "KickTask":
+    """Return the task of the motion that contains the impact of a problem."""
+    from kickdyn.motion.kick_task import KickTask  # it imports CasADi
+
+    standing, none = problem.standing, np.zeros((0, 3))
+    if both_feet and standing is None:
+        raise InvalidInput(
+            f"{problem.robot.name} has no support: a motion starts on both feet with a robot on a "
+            "floating base that stands on one foot (Leg.with_supports, --support)"
+        )
+    place, facing = problem.find(BallPosition), problem.find(Facing)
+    leg = problem.limb.leg if standing is None else standing.leg
+    return KickTask(
+        problem.robot,
+        leg,
+        problem.variables.target,
+        problem.foot_directions,
+        none if place is None else place.rows,
+        np.zeros(3) if place is None else place.centre,
+        none if facing is None else facing.axes,
+        standing,
+        problem.find(MuscleTorqueLimit) is not None,
+        standing.kicking_foot() if both_feet and standing is not None else None,
+    )
 
 
 def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Array:

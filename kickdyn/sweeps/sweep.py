@@ -7,28 +7,20 @@ or in a Zarr store. Threads or an executor of the caller compute chunks side by 
 import hashlib
 import os
 import pickle
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import (
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ThreadPoolExecutor,
-    wait,
-)
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from functools import lru_cache, partial
-from itertools import islice
 from os import PathLike
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from kickdyn.core import validation
+from kickdyn.core.executors import STOPPED, in_order, reason_of_stop
 from kickdyn.core.files import replacing
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, Unfinished
@@ -45,13 +37,8 @@ CARRY_TOLERANCE = 1e-6
 CHUNKS_AHEAD = 1000
 """Chunks of a store that are given to an executor before the first of them is computed."""
 
-LISTEN_INTERVAL = 5.0
-"""Time between looks at whether the scheduler of a cluster still runs [s]."""
-
 Progress = Callable[[int], None]
 """Is called with the number of postures computed since the last call."""
-
-T = TypeVar("T")
 
 
 @validation.check_arguments
@@ -175,7 +162,7 @@ def _solved(
     chunks = Chunks.of(solver.grid.shape, solver.chunk)
     with _pool(threads) as pool:
         ahead = 1 + int(threads or _cores())
-        for solved in _in_order(pool, lambda k: solver(*chunks.span(k)), range(len(chunks)), ahead):
+        for solved in in_order(pool, lambda k: solver(*chunks.span(k)), range(len(chunks)), ahead):
             if progress is not None:
                 progress(len(solved[1]))
             yield solved
@@ -194,7 +181,7 @@ def _fill(
         progress(store.size - store.count(missing))
     if missing:
         solver.prepare()  # for other processes too: what is compiled once, they read from the disk
-    for count in _in_order(pool, write, missing, CHUNKS_AHEAD):
+    for count in in_order(pool, write, missing, CHUNKS_AHEAD):
         if progress is not None:
             progress(count)
     if missing or not store.finished:
@@ -258,42 +245,6 @@ def _received(folder: str, digest: str) -> tuple[SweepStore, ChunkSolver]:
     return store, solver
 
 
-def _in_order(
-    executor: Executor, function: Callable[[int], T], numbers: Iterable[int], ahead: int
-) -> Iterator[T]:
-    """Yield the results of a function of numbers, in their order; `ahead` are computed ahead."""
-    waiting, submitted = iter(numbers), deque[Future[T]]()
-    try:
-        while True:
-            for number in islice(waiting, ahead - len(submitted)):
-                submitted.append(executor.submit(function, number))
-            if not submitted:
-                return
-            future = submitted.popleft()
-            # `wait` alone never ends for a future that was cancelled before it ran
-            while not (future.done() or wait([future], timeout=LISTEN_INTERVAL).done):
-                _check_connection(executor)
-            yield future.result()
-    finally:
-        for future in submitted:
-            future.cancel()
-
-
-def _check_connection(executor: Executor) -> None:
-    """Raise `CancelledError` if the scheduler of a dask.distributed executor has closed.
-
-    A client that its scheduler informs of this neither cancels its futures nor closes itself
-    (distributed 2026.8): nothing else would end the wait for a result.
-    """
-    client = getattr(executor, "_client", None)
-    if client is None:
-        return
-    stream = getattr(client, "scheduler_comm", None)
-    connected = stream is not None and not stream.closed()
-    if client.status not in ("running", "connecting") or not connected:
-        raise CancelledError("the scheduler has closed")
-
-
 @contextmanager
 def _pool(threads: int | None) -> Iterator[Executor]:
     """Give threads; on leaving, chunks under way are completed and others dropped."""
@@ -310,15 +261,10 @@ def _resumable(store: SweepStore) -> Iterator[None]:
     """Raise `Unfinished` where a sweep is stopped."""
     try:
         yield
-    except (KeyboardInterrupt, OSError, BrokenExecutor, CancelledError) as error:
-        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
-        if isinstance(error, KeyboardInterrupt):
-            reason = "interrupted"
-        elif isinstance(error, CancelledError):
-            reason = reason or "the executor has cancelled the computation"
+    except STOPPED as error:
         raise Unfinished(
-            f"{reason}: {store.computed:,} of {store.size:,} postures are stored in {store.path}; "
-            "to continue, run it again with --resume (resume=True in Python)"
+            f"{reason_of_stop(error)}: {store.computed:,} of {store.size:,} postures are stored in "
+            f"{store.path}; to continue, run it again with --resume (resume=True in Python)"
         ) from None
 
 

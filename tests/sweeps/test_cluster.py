@@ -60,7 +60,7 @@ class SilentExecutor(Executor):
 
 
 def test_a_scheduler_that_closes_without_a_word_ends_the_wait(tmp_path, monkeypatch):
-    monkeypatch.setattr("kickdyn.sweeps.sweep.LISTEN_INTERVAL", 0.01)
+    monkeypatch.setattr("kickdyn.core.executors.LISTEN_INTERVAL", 0.01)
     with pytest.raises(Unfinished, match=r"0 of 72 .*resume=True"):
         stored(tmp_path / "silent.zarr", executor=SilentExecutor())
     stored(tmp_path / "silent.zarr", resume=True)

@@ -1,0 +1,158 @@
+"""Motions of a robot for a range of launches, and single kicks of them (`kickdyn kick-library`)."""
+
+import math
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import Any
+
+import click
+import numpy as np
+
+from kickdyn.cli.command import Command, busy, print_wrapped
+from kickdyn.cli.leg_options import LegOptions
+from kickdyn.cli.option_groups import BallOptions, JsonOptions, PointOptions, option, takes
+from kickdyn.errors import InvalidInput
+from kickdyn.motion.motion_file import check_motion_name
+from kickdyn.planning.kick_library import KickLibrary, LibraryKick
+from kickdyn.planning.kick_library import kick_library as make_library
+from kickdyn.planning.kick_reader import AXES
+
+
+@dataclass(frozen=True)
+class RangeOptions:
+    """The ranges of a library; angles in degrees."""
+
+    speed: str | None = option(
+        "--speed", metavar="LOW,HIGH|VALUE", help="Speeds of the launch [m/s]; without, read FILE."
+    )
+    elevation: str = option(
+        "--elevation", metavar="LOW,HIGH|VALUE", default="0", show_default=True,
+        help="Elevations of the launch [deg].",
+    )  # fmt: skip
+    azimuth: str = option(
+        "--azimuth", metavar="LOW,HIGH|VALUE", default="0", show_default=True,
+        help="Directions of the launch to the left of x [deg].",
+    )  # fmt: skip
+    x: str | None = option(
+        "--ball-x", metavar="LOW,HIGH|VALUE",
+        help="Places of the ball's centre ahead of the origin [m].  [default: the place that suits "
+        "the middle of the ranges best]",
+    )  # fmt: skip
+    y: str | None = option(
+        "--ball-y", metavar="LOW,HIGH|VALUE", help="Likewise, to the left of the origin [m]."
+    )
+    height: float | None = option(
+        "--ball-height", type=float,
+        help="Height of the ball's centre, which a leg on a fixed base needs [m].",
+    )  # fmt: skip
+    workers: int = option(
+        "--workers", type=click.IntRange(1), default=1, show_default=True,
+        help="Processes that plan motions.",
+    )  # fmt: skip
+
+    def ranges(self) -> dict[str, Any]:
+        """Return the ranges in SI units."""
+        named = {
+            "speed": self.speed, "elevation": self.elevation, "azimuth": self.azimuth,
+            "x": self.x, "y": self.y,
+        }  # fmt: skip
+        angles = "elevation", "azimuth"
+        return {
+            name: None if text is None else _range(name, text, math.radians(1.0) if name in angles
+                                                   else 1.0)
+            for name, text in named.items()
+        }  # fmt: skip
+
+    def executor(self) -> AbstractContextManager[Executor | None]:
+        """Return the processes that plan motions; None with a single one."""
+        if self.workers == 1:
+            return nullcontext(None)
+        return ProcessPoolExecutor(self.workers, get_context("spawn"))
+
+
+@dataclass(frozen=True)
+class KickOptions(JsonOptions):
+    """A single kick of the library, and the file of its motion."""
+
+    kick: str | None = option(
+        "--kick", metavar="SPEED,ELEVATION[,X,Y]",
+        help="Print the kick with a launch [m/s, deg] and a place of the ball [m], by default the "
+        "middle of the ranges.",
+    )  # fmt: skip
+    out: str | None = option(
+        "--out", metavar="FILE",
+        help="Write its motion, 100 times a second: .csv, .npz, .yaml (ROS 2) or .xml (MuJoCo).",
+    )  # fmt: skip
+
+
+@click.command("kick-library", Command)
+@click.argument("file", metavar="FILE.npz", type=click.Path())
+@takes(leg=LegOptions, ranges=RangeOptions, contact=PointOptions, ball=BallOptions,
+       output=KickOptions)  # fmt: skip
+def kick_library(
+    file: str,
+    leg: LegOptions,
+    ranges: RangeOptions,
+    contact: PointOptions,
+    ball: BallOptions,
+    output: KickOptions,
+) -> None:
+    """Plan the motions of a robot for a range of launches, from which any kick follows at once.
+
+    A library that was interrupted is continued by the same command; one that is finished is read.
+
+    Example: kickdyn kick-library g1.npz --leg g1 --support left_ankle_roll_link:0.7 --speed 7.2,8.2
+    --elevation 10,18 --workers 2
+    """
+    output.check(output.out, inputs=[leg.leg_name])
+    if output.out is not None:
+        check_motion_name(output.out)
+        if output.kick is None:
+            raise InvalidInput("--out writes the motion of a kick: name it with --kick")
+    with busy("planning motions") as show, ranges.executor() as executor:
+
+        def progress(what: str, count: int, total: int) -> None:
+            show(f"{count} of {total} {what}")
+
+        library = make_library(
+            leg.load(), file, ball.load(), **ranges.ranges(), height=ranges.height,
+            contact=contact.contact(), executor=executor, progress=progress,
+        )  # fmt: skip
+    chosen = None if output.kick is None else _kick(library, output.kick)
+    output.write_json((library if chosen is None else chosen).to_json())
+    if output.prints:
+        for result in (library, chosen):
+            if result is not None:
+                print_wrapped("\n".join(repr(result).splitlines()[1:]))
+    if output.out is not None:
+        if chosen is None or chosen.motion is None:
+            raise InvalidInput(f"there is no motion to write to {output.out}")
+        chosen.motion.save(output.out)
+    output.name_written(output.out)
+
+
+def _range(name: str, text: str, unit: float) -> tuple[float, float]:
+    """Return the least and the largest value of `LOW,HIGH` or `VALUE`, in SI units."""
+    try:
+        values = [unit * float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in (1, 2):
+        raise InvalidInput(f"{name} is {text!r}: it must be LOW,HIGH or a value, such as 7.2,8.2")
+    return values[0], values[-1]
+
+
+def _kick(library: KickLibrary, text: str) -> LibraryKick:
+    """Return the kick at `SPEED,ELEVATION[,X,Y]`."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in (2, 4):
+        raise InvalidInput(f"--kick is {text!r}: it must be SPEED,ELEVATION or SPEED,ELEVATION,X,Y")
+    point = 0.5 * (library.reader.lower + library.reader.upper)
+    point[:2] = values[0], math.radians(values[1])
+    point[len(AXES) - len(values[2:]) :] = values[2:]
+    return library.kick_at(np.array(point))

@@ -1,0 +1,390 @@
+"""Motions of a library of kicks: the first one, those next to others, and checks in between.
+
+Each is a task for a worker of an executor: arguments are a pickle of what all tasks share, and
+arrays.
+"""
+
+import math
+import pickle
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.ball import Ball
+from kickdyn.contact import Contact
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.impact.strike import strike
+from kickdyn.motion.impact_target import impact_target_for
+from kickdyn.motion.kick_task import KickTask
+from kickdyn.motion.motion import SETTLING
+from kickdyn.motion.motion_problem import MotionProblem
+from kickdyn.motion.plan_motion import continue_motion, motion_problem, plan_motion
+from kickdyn.motion.separation import ALLOWED as DEEPEST
+from kickdyn.motion.separation import Conditions
+from kickdyn.motion.solution import Multipliers, Solution
+from kickdyn.motion.splines import MotionSplines, integration_weights
+from kickdyn.motion.verdict import POINTS, Verdict
+from kickdyn.planning.kick import motion_task
+from kickdyn.planning.kick_problem import kick_problem
+from kickdyn.planning.kick_reader import KickReader
+from kickdyn.planning.kick_steps import one_thread
+from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.standing import is_floating
+
+LAUNCH_ERROR, ANGLE_ERROR = 1e-3, math.radians(0.1)
+"""Largest error of a launch by `strike`, relative to its speed, and of its direction [rad]."""
+
+ALLOWED_SHARE, ALLOWED_DISTANCE = 0.01, 3e-3
+"""What motions between nodes may lack of a limit: a share of it, or a distance or angle [m, rad].
+The centre of pressure then still is inside the sole, of which planned motions leave 3 mm free."""
+
+DUALS = "speeds", "impact", "bounds", "points"
+"""Arrays of `Multipliers`."""
+
+FACING = 1e-3
+"""Cosine by which the normal may leave the cone in which the foot can meet a ball."""
+
+
+class Kicks(NamedTuple):
+    """What all kicks of a library share.
+
+    Attributes:
+        robot: that kicks.
+        ball: at rest.
+        contact: restitution and friction.
+        height: of the ball's centre [m].
+        joints: that move; empty before the first motion is planned.
+        aside: values of joints that do not move, other than at rest.
+        near: coefficients of the first motion, near which all others are; None before it.
+    """
+
+    robot: Leg
+    ball: Ball
+    contact: Contact
+    height: float
+    joints: tuple[str, ...] = ()
+    aside: tuple[tuple[str, float], ...] = ()
+    near: Array | None = None
+
+
+class Found(NamedTuple):
+    """A motion, or why there is none.
+
+    Attributes:
+        reason: why it does not keep all limits; empty if it does.
+        margins: least distances from the limits, in the order of `labels_of`, shape `(k,)`.
+        solution: of the motion, by `solution_arrays`; empty without one.
+    """
+
+    reason: str
+    margins: Array
+    solution: dict[str, Any]
+
+
+@dataclass(eq=False)
+class _Context:
+    """Kicks of a library, with what their tasks have in common."""
+
+    kicks: Kicks
+    like: Any = None
+    exact: KickReader | None = None
+
+    def task(self, point: Array, *, place_is_free: bool = False) -> KickTask:
+        """Return the task of the kick at a point of the axes, `(5,)`."""
+        kicks = self.kicks
+        target = impact_target_for(velocity_at(point), np.zeros(3), kicks.ball, kicks.contact)
+        place: Any = np.array([point[3], point[4], kicks.height])
+        if place_is_free:
+            place = kicks.height
+        self.like = problem = kick_problem(kicks.robot, target, place, like=self.like)
+        if problem.heading:
+            raise InvalidInput(
+                f"{kicks.robot.name} kicks in its plane only: azimuth must be 0 for this leg"
+            )
+        task = motion_task(problem)
+        if kicks.joints and kicks.joints != task.leg.joint_names:
+            aside = dict(kicks.aside)
+            task = replace(task, leg=kicking_chain(task.leg, others=aside).leg, aside=aside)
+        return task
+
+    def reader(self, task: KickTask) -> KickReader:
+        """Return a library without cells, for its exact impact."""
+        if self.exact is None:
+            empty = {
+                "lower": np.zeros(5), "upper": np.zeros(5), "cell_reasons": np.zeros(0, "U1"),
+                "limits": np.zeros(0, "U1"),
+            }  # fmt: skip
+            self.exact = KickReader({**empty, **robot_arrays(task, self.kicks)})
+        return self.exact
+
+
+@lru_cache(maxsize=1)
+def _context(pickled: bytes) -> _Context:
+    """Return the kicks of a library in a worker, which computes what they share once."""
+    return _Context(pickle.loads(pickled))
+
+
+def velocity_at(point: Array) -> Array:
+    """Return the velocity of the launch at a point of the axes, shape `(3,)` [m/s]."""
+    speed, elevation, azimuth = point[:3]
+    level = math.cos(elevation)
+    direction = level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)
+    return np.asarray(speed * np.array(direction))
+
+
+def first_motion(kicks: Kicks, point: Array) -> tuple[Kicks, Array, Found]:
+    """Plan the motion of a launch whose ball lies where it suits this robot best.
+
+    Returns:
+        The kicks with the joints that move, the point with the place of the ball, the motion.
+
+    Raises:
+        InvalidInput: no motion keeps all limits.
+    """
+    with one_thread():
+        context = _Context(kicks)
+        task = context.task(point, place_is_free=True)
+        planned = plan_motion(task)
+        motion, solution = planned.motion, planned.motion.solution
+        if not planned.keeps_limits or solution is None:
+            why = motion.warnings[0] if motion.warnings else "bodies are inside each other"
+            raise InvalidInput(f"no motion for the middle of the ranges keeps all limits: {why}")
+        kicks = kicks._replace(
+            joints=motion.joints,
+            aside=tuple(motion.aside.items()),
+            near=solution.coefficients,
+        )
+        context = _Context(kicks)
+        task = context.task(point, place_is_free=True)
+        centre = motion_problem(task).ball_centre(motion_posture(solution, task))
+        start = np.array([*point[:3], *centre[:2]])
+    return kicks, start, next_motion(pickle.dumps(kicks), start, [solution_arrays(solution)])
+
+
+def motion_posture(solution: Solution, task: KickTask) -> Array:
+    """Return the posture at the impact of the joints that move, shape `(n,)`."""
+    return np.asarray(motion_problem(task).splines.at_impact()[0] @ solution.coefficients)
+
+
+def next_motion(pickled: bytes, point: Array, starts: list[dict[str, Array]]) -> Found:
+    """Return the motion of a kick next to one of others.
+
+    Args:
+        pickled: of `Kicks`.
+        point: speed, elevation, azimuth and place of the kick, shape `(5,)`.
+        starts: motions to start from, by `solution_arrays`, one after the other.
+    """
+    context, found = _context(pickled), Found("there is no motion near it", np.zeros(0), {})
+    with one_thread():
+        try:
+            task = context.task(point)
+        except InvalidInput as error:
+            return found._replace(reason=str(error))
+        for start in starts:
+            verdict = continue_motion(task, solution_of(start), context.kicks.near)
+            found = _found(verdict)
+            if not found.reason:
+                break
+    return found
+
+
+def check_between(pickled: bytes, point: Array, coefficients: Array) -> Found:
+    """Return what an interpolated motion keeps at a point, once its impact is exact.
+
+    Args:
+        pickled: of `Kicks`.
+        point: of the axes, shape `(5,)`.
+        coefficients: that are interpolated, shape `(size, n)`.
+    """
+    context = _context(pickled)
+    with one_thread():
+        try:
+            task = context.task(point)
+        except InvalidInput as error:
+            return Found(str(error), np.zeros(0), {})
+        exact = context.reader(task).with_exact_impact(coefficients, point)[0]
+        problem = motion_problem(task)
+        times = problem.splines.times(*POINTS)
+        verdict = Verdict(problem, Solution(exact[0], exact, 1.0, times))
+        found = _found(verdict, between=True)
+        if found.reason:
+            return found
+        q = problem.splines.at_impact()[0] @ exact
+        rows = np.asarray(problem.posture.values(q, [])[0]).ravel()
+        if (rows < problem.posture.lower - FACING).any():
+            return found._replace(reason="the foot does not face the ball")
+        motion = verdict.planned().motion
+        posture = motion.robot.posture(motion.q(0.0))
+        contact, wished = task.target.contact, velocity_at(point)
+        try:
+            launch = strike(posture, motion.v(0.0), context.kicks.ball, contact).ball_after.velocity
+        except KickdynError as error:
+            return found._replace(reason=str(error))
+    missed = launch - wished
+    along = missed @ wished / (wished @ wished)
+    aside = math.hypot(*(missed - along * wished)) / math.hypot(*wished)
+    if abs(along) > LAUNCH_ERROR or aside > ANGLE_ERROR:
+        reason = f"the launch is {100 * along:.2g} % and {math.degrees(aside):.2g} degrees off"
+        return found._replace(reason=reason)
+    return found
+
+
+def _found(verdict: Verdict, *, between: bool = False) -> Found:
+    """Return a motion with the reason for which it does not count, if any."""
+    reason = ""
+    if not verdict.solution.feasible:
+        reason = "the solver finds no motion near it"
+    elif not verdict.keeps_limits and not (between and _nearly_keeps(verdict)):
+        lines = verdict.planned().motion.warnings
+        reason = lines[0] if lines else "bodies are inside each other or the ball"
+    least = dict.fromkeys(labels_of(verdict.problem), math.inf)
+    for label, value in zip(verdict.problem.row_labels, verdict.rows.min(axis=0), strict=True):
+        least[label] = min(least[label], float(value))
+    return Found(reason, np.array([*least.values()]), solution_arrays(verdict.solution))
+
+
+def _nearly_keeps(verdict: Verdict) -> bool:
+    """Return whether a motion keeps all limits but for what one between nodes may lack."""
+    problem = verdict.problem
+    limits = (*problem.limits, *problem.impulse_limits)
+    units = [limit.unit for limit in limits for _ in limit.labels]
+    allowed = np.where(np.array(units) == "", ALLOWED_SHARE, ALLOWED_DISTANCE)
+    least = np.append(verdict.rows.min(axis=0), verdict.impulse)
+    return bool((least >= -allowed).all()) and verdict.deepest <= DEEPEST + ALLOWED_DISTANCE
+
+
+def labels_of(problem: MotionProblem) -> list[str]:
+    """Return the names of the limits of a motion with their units, each once."""
+    return list(dict.fromkeys(problem.row_labels))
+
+
+def solution_arrays(solution: Solution) -> dict[str, Any]:
+    """Return a solution, from which others start, as arrays for a file."""
+    duals = solution.multipliers
+    arrays = {
+        "rest": solution.rest,
+        "coefficients": solution.coefficients,
+        "before": solution.times[0],
+        "after": solution.times[1],
+        "limited": np.array(solution.limited, dtype=str),
+    }
+    if duals is not None:
+        arrays |= {name: getattr(duals, name) for name in DUALS}
+        for k, (conditions, values) in enumerate(duals.apart):
+            arrays |= {
+                f"apart_{k}_joints": np.array(conditions.joints),
+                f"apart_{k}_times": conditions.times,
+                f"apart_{k}_parameters": conditions.parameters,
+                f"apart_{k}_values": values,
+            }
+    if solution.linearized is not None:
+        arrays["linearized"] = solution.linearized
+    return arrays
+
+
+def solution_of(arrays: dict[str, Array]) -> Solution:
+    """Return the solution from its arrays."""
+    duals, apart = None, list[tuple[Conditions, Array]]()
+    while f"apart_{len(apart)}_joints" in arrays:
+        name = f"apart_{len(apart)}_"
+        first, second = arrays[f"{name}joints"].tolist()
+        conditions = Conditions(
+            (first, second), arrays[f"{name}times"], arrays[f"{name}parameters"]
+        )
+        apart.append((conditions, arrays[f"{name}values"]))
+    if "points" in arrays:
+        speeds, impact, bounds, points = (arrays[name] for name in DUALS)
+        duals = Multipliers(speeds, impact, bounds, points, apart)
+    return Solution(
+        arrays["rest"],
+        arrays["coefficients"],
+        1.0,
+        [arrays["before"], arrays["after"]],
+        duals,
+        limited=tuple(arrays["limited"].tolist()),
+        linearized=arrays.get("linearized"),
+    )
+
+
+def robot_arrays(task: KickTask, kicks: Kicks) -> dict[str, Any]:
+    """Return the arrays of a library that describe robot, ball and splines, see `ARRAYS`."""
+    splines, whole = motion_problem(task).splines, task.whole
+    model = whole.workspace.model
+    bodies = model.inertias[1:]
+    at_impact = splines.at_impact()
+    states = np.array([at_impact[0], at_impact[1], at_impact[1] + at_impact[2]])
+    lever = whole.posture(whole.configuration()).contact_lever
+    height = kicks.ball.radius if is_floating(kicks.robot) else kicks.height
+    before, after = splines.splines
+    return {
+        "robot": np.array(kicks.robot.name),
+        "before_knots": before.t, "after_knots": after.t,
+        "before_matrix": before.c, "after_matrix": after.c,
+        "at_impact": states,
+        "from_impact": smooth_changes(splines, states),
+        "joints": np.array(whole.joint_names),
+        "moving": np.array([whole.velocity_index(name) for name in task.leg.joint_names]),
+        "resting": rest_configuration(whole, task.aside),
+        "parents": np.array([*model.parents][1:]) - 1,
+        "rotations": np.array([place.rotation for place in model.jointPlacements[1:]]),
+        "translations": np.array([place.translation for place in model.jointPlacements[1:]]),
+        **_axes(whole),
+        "masses": np.array([body.mass for body in bodies]),
+        "centres": np.array([body.lever for body in bodies]),
+        "inertias": np.array([body.inertia for body in bodies]),
+        "armature": np.array(model.armature),
+        "contact": np.array(whole.contact_joint - 1),
+        "contact_point": np.array(lever),
+        "ball": np.array([kicks.ball.mass, kicks.ball.radius, height]),
+        "impact": np.array([kicks.contact.restitution, kicks.contact.friction]),
+        "settling": np.array(SETTLING),
+    }  # fmt: skip
+
+
+def smooth_changes(splines: MotionSplines, states: Array) -> Array:
+    r"""Return the map from changes of the state at the impact to those of the coefficients.
+
+    Of all changes with this state, it is the one without a change of both accelerations at the
+    impact, which the torques and the ground's wrench follow, with the least
+    :math:`\int |\ddot q|^2 dt`. The shape is `(size, 3)`.
+
+    Args:
+        splines: whose coefficients change.
+        states: from these to position, velocity before and after, shape `(3, size)`.
+    """
+    times = splines.times(8, 8)
+    accelerations = splines.values(times, 2)
+    weights = np.concatenate([integration_weights(t) for t in times])
+    cost = accelerations.T @ (weights[:, None] * accelerations) + 1e-6 * np.eye(splines.size)
+    before, after = splines.splines
+    rows = np.vstack([states, before(0.0, 2), after(0.0, 2)])
+    least = np.linalg.solve(cost, rows.T)
+    return np.asarray((least @ np.linalg.inv(rows @ least))[:, :3])
+
+
+def _axes(leg: Leg) -> dict[str, Array]:
+    """Return the axes of the joints in their own frames, and which of them are prismatic."""
+    model, data = leg.workspace.model, leg.workspace.data
+    q = leg.configuration()
+    pin.computeJointJacobians(model, data, q)
+    columns = np.array(
+        [
+            pin.getJointJacobian(model, data, joint, pin.LOCAL)[:, joint - 1]
+            for joint in range(1, model.njoints)
+        ]
+    )
+    prismatic = np.linalg.norm(columns[:, 3:], axis=1) < 0.5
+    axes = np.where(prismatic[:, None], columns[:, :3], columns[:, 3:])
+    return {"axes": axes, "prismatic": prismatic}
+
+
+def described(kicks: Kicks, point: Array) -> tuple[dict[str, Any], list[str]]:
+    """Return the arrays of robot, ball and splines, and the names of the limits."""
+    with one_thread():
+        task = _Context(kicks).task(point)
+        return robot_arrays(task, kicks), labels_of(motion_problem(task))

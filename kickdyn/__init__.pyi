@@ -24,15 +24,12 @@ from .ground import Ground as Ground
 from .ground import Surface as Surface
 from .identification.body_track import BodyTrack as BodyTrack
 from .identification.fit_motion import fit_motion as fit_motion
-from .identification.identification_result import Identification as Identification
 from .identification.identify import identify as identify
 from .identification.infer_impact import fit_restitution as fit_restitution
 from .identification.infer_impact import infer_impact as infer_impact
 from .identification.kick_table import kick_table as kick_table
 from .identification.learner import Learner as Learner
-from .identification.leg_motion import LegMotion as LegMotion
 from .identification.segments import segments as segments
-from .identification.segments_result import Segments as Segments
 from .identification.track import Track as Track
 from .impact.collide import Collision as Collision
 from .impact.collide import collide as collide
@@ -40,10 +37,8 @@ from .impact.collide_many import collide_many as collide_many
 from .impact.impact_result import Impact as Impact
 from .impact.joint_load import joint_loads as joint_loads
 from .impact.laws import normal_impulse as normal_impulse
-from .impact.sensitivity import Sensitivity as Sensitivity
 from .impact.strike import strike as strike
 from .impact.strike_many import strike_many as strike_many
-from .impact.uncertainty import Uncertainty as Uncertainty
 from .impact.unilateral import unilateral_strike as unilateral_strike
 from .motion.check_motion import check_motion as check_motion
 from .motion.motion import Motion as Motion
@@ -58,7 +53,6 @@ from .planning.launch import Launch as Launch
 from .planning.launch import plan_launch as plan_launch
 from .planning.passes import Pass as Pass
 from .planning.passes import plan_pass as plan_pass
-from .planning.reach import ReachTable as ReachTable
 from .planning.reach import reach as reach
 from .planning.trap import plan_trap as plan_trap
 from .robot.constraints import Support as Support

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from functools import cache
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -128,6 +129,15 @@ def standing_impact():
     return kd.strike(posture, posture.joint_velocity([6, 0, 2]), kd.Ball(), contact)
 
 
+def library():
+    """Return a library with a single kick, of the goal of "library kick"."""
+    launch = kd.plan_launch(kd.Goal(5.3, speed=12.0), BALL)
+    with TemporaryDirectory() as folder:
+        return kd.kick_library(
+            LEG, f"{folder}/one.npz", BALL, speed=12.0, elevation=launch.angle, height=-0.7042
+        )
+
+
 MADE = {
     "ball": lambda: BALL,
     "incoming ball": lambda: kd.IncomingBall(kd.BallState((2, 0, -1), (-3, 0.2, 0), (0, -9, 1))),
@@ -170,6 +180,8 @@ MADE = {
     "tuning": tuning,
     "run": run,
     "noisy runs": lambda: NoisyRuns((run(), run(1.32)), kd.KickNoise()),
+    "library": library,
+    "library kick": lambda: one("library").kick(kd.Goal(5.3, speed=12.0)),
     "reach": lambda: ReachTable("robot", True, (
         ReachRow(-10.0, 20.0, 21.43, 23.0, "speed of knee", 31.26, 44.32),
         ReachRow(0.0, 35.0, 18.71, None, "", 26.54, 37.98),

@@ -15,6 +15,7 @@ from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.core.representation import ReprMixin
+from kickdyn.planning.kick_reader import AXES
 
 SCALES = {"deg": math.degrees(1.0), "ms": 1e3, "mm": 1e3, "%": 100.0}
 """What a number in SI units is multiplied by for a unit; 1 for the others."""
@@ -56,6 +57,22 @@ FORMULAS = {
     ("plan", "objective joint-speed"):
         lambda plan: np.mean((plan.v / plan.leg.velocity_limit) ** 2),
     ("reach", "-10, 20 deg"): lambda reach: (21.43, 31.3, 44.3),
+    **{
+        (name, axis): lambda shown, of=of, k=k: of(shown)[k]
+        for name, of in (
+            ("library", lambda library: library.reader.lower),
+            ("library kick", lambda kick: kick.point),
+        )
+        for k, axis in enumerate(AXES)
+    },
+    **{
+        ("library kick", row): lambda kick, unit=unit: min(
+            value for name, value in kick.margins.items() if name.partition(" [")[2] == unit
+        )
+        for row, unit in (("least margin", ""), ("least distance", "m]"), ("least angle", "rad]"))
+    },
+    ("library", "motions"): lambda library: len(library.reader.arrays["coefficients"]),
+    ("library", "covered share of the ranges"): lambda library: library.covered,
     ("leg motion", "contact"): lambda motion: (0.14, 0.0014),
     ("leg motion", "frames"): lambda motion: len(motion.times),
     ("leg motion", "duration"): lambda motion: np.ptp(motion.times),

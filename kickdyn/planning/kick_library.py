@@ -27,7 +27,7 @@ from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.executors import STOPPED, in_order, reason_of_stop
 from kickdyn.core.files import replacing
-from kickdyn.core.representation import ReprMixin, Row
+from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.impact.impact_result import Impact
@@ -692,21 +692,20 @@ class LibraryKick(ReprMixin):
     reason: str
     interpolated: InterpolatedKick | None = field(repr=False)
 
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        freeze_arrays(vars(self))
+
     def _rows(self) -> Iterable[Row]:
         yield "status", "met" if self.met else f"none: {self.reason}", ""
         for name, value in zip(AXES, self.point, strict=True):
             yield name, float(value), UNITS[name]
         yield "heading", self.heading, "rad"
-        for unit, kind in {"": "relative ", "m": "", "rad": ""}.items():
-            ending = f" [{unit}]" if unit else ""
-            of_unit = {
-                name.removesuffix(ending): margin
-                for name, margin in self.margins.items()
-                if name.endswith(ending if unit else "") and (bool(unit) or "[" not in name)
-            }
-            if of_unit:
-                nearest = min(of_unit, key=of_unit.__getitem__)
-                yield f"least {kind}margin, of {nearest}", of_unit[nearest], unit
+        for unit, row in {"": "least margin", "m": "least distance", "rad": "least angle"}.items():
+            margins = {name: value for name, value in self.margins.items() if _unit(name) == unit}
+            if margins:
+                nearest = min(margins, key=margins.__getitem__)
+                yield row, f"{margins[nearest]:.4g} {unit}, {nearest.split(' [')[0]}", ""
 
     def to_json(self) -> dict[str, Any]:
         """Return the launch, the place of the ball and the margins."""
@@ -754,3 +753,8 @@ class LibraryKick(ReprMixin):
         return strike(
             motion.robot.posture(motion.q(0.0)), motion.v(0.0), self.library._ball, contact
         )
+
+
+def _unit(margin: str) -> str:
+    """Return the unit in the name of a margin; empty for a share of a limit."""
+    return margin.partition(" [")[2].removesuffix("]")

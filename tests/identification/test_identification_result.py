@@ -10,7 +10,11 @@ from hypothesis import strategies as st
 from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
-from kickdyn.identification.identification_result import mean_over_flights, weighted_mean
+from kickdyn.identification.identification_result import (
+    Identification,
+    mean_over_flights,
+    weighted_mean,
+)
 
 BALL = kd.Ball()
 
@@ -19,7 +23,7 @@ def result(estimates, deviations, speed=20.0, count=4, **changes):
     """Return a fit of a ball that moves straight on, with estimates by name."""
     times = 7.0 + np.arange(count) / 10
     residuals = np.outer(np.arange(count), (0.1, 0.0, 0.0))  # of 1 m/s along the path
-    return kd.Identification(**{
+    return Identification(**{
         "track": kd.Track(times, np.outer(times, (speed - 1.0, 0, 0))),
         "ball": BALL, "air": kd.Air(), "launch": kd.BallState((0, 0, 1), (speed, 0, 0)),
         "names": tuple(estimates), "estimates": np.array([*estimates.values()], dtype=float),

@@ -16,7 +16,7 @@ import kickdyn as kd
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.kick_task import KickTask
 from kickdyn.motion.limits import RestingTorqueLimit, SpeedLimit
-from kickdyn.motion.motion_problem import ENDS, JERK, SHARE, MotionProblem
+from kickdyn.motion.motion_problem import ENDS, JERK, NEARNESS, SHARE, MotionProblem
 from kickdyn.motion.row_blocks import Block, Cost, block_solver, make_rows
 from kickdyn.motion.solution import Multipliers, Solution
 from kickdyn.motion.splines import MotionSplines
@@ -100,7 +100,7 @@ def test_bodies_are_apart_by_the_rows_of_their_points(problem):
 
 def test_the_cost_beside_the_torques_is_the_jerk_the_ends_and_the_share(problem):
     splines, rest = problem.splines, np.array([0.1, 0.2, -0.1])
-    cost, draw = problem._cost(rest), np.random.default_rng(2)
+    cost, draw = problem._cost(rest, None), np.random.default_rng(2)
     c = draw.normal(size=(splines.size, 3))
     x = c.ravel() - cost.centre
     value = 0.5 * x @ (cost.quadratic @ x) + cost.slope @ np.append(c.ravel(), 0.7)
@@ -111,6 +111,12 @@ def test_the_cost_beside_the_torques_is_the_jerk_the_ends_and_the_share(problem)
     ends = ENDS * (np.sum((c[0] - rest) ** 2) + np.sum((c[-1] - rest) ** 2))
     right = 0.5 * (JERK[False] / 3 * jerk + ends) - 0.7 * SHARE
     assert value == pytest.approx(right, rel=closed_form(1e4))
+    near, plain = draw.normal(size=c.shape), cost
+    cost = problem._cost(rest, near)  # both are 0 for c = 0, but for a constant
+    pulled = 0.5 * c.ravel() @ ((cost.quadratic - plain.quadratic) @ c.ravel())
+    pulled += (cost.slope[:-1] + plain.quadratic @ plain.centre) @ c.ravel()
+    right = 0.5 * NEARNESS * (np.sum((c - near) ** 2) - np.sum(near**2))
+    assert pulled == pytest.approx(right, rel=closed_form(1e4))
     assert problem.stand(rest, at_ball=False) == pytest.approx(rest, abs=1e-3)  # can be held
 
 

@@ -139,7 +139,7 @@ def test_an_interrupted_library_is_continued(library, tmp_path):
 
 
 def test_what_is_outside_is_said_with_the_nearest_kick(library):
-    kick = library.kick_at(library.reader.upper + [1.0, 0.0, 0.0, 0.0, 0.0])
+    kick = library.kick_at(library.reader.upper + np.eye(5)[0])
     assert not kick.met
     assert kick.motion is kick.impact is None
     assert "speed is 13.4 m/s, outside of 12 to 12.4" in kick.reason
@@ -183,7 +183,7 @@ def test_bad_ranges_are_named(settings, named, tmp_path):
 def test_a_library_is_read_for_its_ranges_only(library, tmp_path):
     assert make(library.file).covered == 1.0
     assert kd.kick_library(kd.Leg.human(), library.file).covered == 1.0
-    with pytest.raises(InvalidInput, match="exists, for 12 to 12.4 m/s"):
+    with pytest.raises(InvalidInput, match=r"exists, for 12 to 12\.4 m/s"):
         make(library.file, speed=(1.0, 2.0))
     with pytest.raises(InvalidInput, match="does not exist"):
         kd.kick_library(kd.Leg.human(), tmp_path / "none.npz")

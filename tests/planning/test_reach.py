@@ -10,7 +10,7 @@ from tolerances import closed_form
 import kickdyn as kd
 from kickdyn.planning import reach as module
 from kickdyn.planning.goal import PlanStatus
-from kickdyn.planning.reach import ReachRow
+from kickdyn.planning.reach import ReachRow, ReachTable
 
 BALL, AIR, HUMAN = kd.Ball(), kd.Air(), kd.Leg.human()
 HEIGHT = -0.7042
@@ -107,7 +107,7 @@ def test_an_interrupted_table_is_continued(tmp_path, monkeypatch):
 def test_the_plot_has_the_rows_by_elevation():
     rows = [(side, up, 20 - 0.1 * up - side, None, "", 30 - up - side, 25 + up + side)
             for side in (0.0, 15.0) for up in (20.0, 0.0, 45.0)]  # fmt: skip
-    figure = kd.ReachTable("leg", True, tuple(ReachRow(*row) for row in rows)).plot()
+    figure = ReachTable("leg", True, tuple(ReachRow(*row) for row in rows)).plot()
     drawn = [line for axes in figure.axes for line in axes.lines]
     columns = [(0, 2), (15, 2), (0, 5), (0, 6), (15, 5), (15, 6)]
     for line, (side, column) in zip(drawn, columns, strict=True):

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from scipy.integrate import trapezoid
 from scipy.interpolate import BSpline
 
 from kickdyn.air import Air
@@ -32,8 +33,11 @@ from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
+from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import Goal
+from kickdyn.planning.kick import turn_plan
+from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_reader import (
     AXES,
     FORMAT,
@@ -41,8 +45,15 @@ from kickdyn.planning.kick_reader import (
     checksum,
     read_kicks,
 )
-from kickdyn.planning.kick_steps import check_has_drives, checked_contact, checked_leg
+from kickdyn.planning.kick_steps import (
+    check_has_drives,
+    checked_contact,
+    checked_leg,
+    path_to_target,
+)
 from kickdyn.planning.launch import plan_launch
+from kickdyn.planning.objectives import KickObjective
+from kickdyn.planning.stance import Balance
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, is_floating
 
@@ -57,6 +68,9 @@ UNITS = {"speed": "m/s", "elevation": "rad", "azimuth": "rad", "x": "m", "y": "m
 
 SAME = 1e-6
 """Difference from the only value of an axis that counts as rounding [m/s, rad, m]."""
+
+SAMPLES = 200
+"""Times at which the torques of a motion are integrated."""
 
 AHEAD = 64
 """Tasks that are given to an executor before the first of them is computed."""
@@ -624,6 +638,60 @@ class KickLibrary(ReprMixin):
         kick = reader.kick(point)
         reason = "" if kick is not None else self._why_not(point)
         return LibraryKick(self, point, heading, reason, kick)
+
+    def plan(
+        self,
+        goal: Goal,
+        *,
+        ball_position: ArrayLike | None = None,
+        air: Air | None = None,
+    ) -> KickPlan:
+        """Return the plan of the `kick` that meets a goal, as `plan_kick` with a motion returns it.
+
+        Limits are those of the motions that were checked around it. The plan serves where one of
+        `plan_kick` does, as for `run_in_mujoco`.
+
+        Raises:
+            InvalidInput: as for `kick`, or there is none.
+        """
+        kick = self.kick(goal, ball_position=ball_position, air=air)
+        motion, impact = kick.motion, kick.impact
+        if motion is None or impact is None:
+            raise InvalidInput(f"the library has no kick for this goal: {kick.reason}")
+        launch = plan_launch(goal, self._ball, air)
+        target = impact_target_for(kick.launch, np.zeros(3), impact.ball, impact.contact)
+        goal = goal.at(launch.time)
+        speed_use, torque_use = (
+            1.0 - min(margin for name, margin in kick.margins.items() if name.startswith(kind))
+            for kind in ("speed of", "torque of")
+        )
+        standing = self._standing
+        plan = KickPlan(
+            goal=goal,
+            launch=launch,
+            objective=KickObjective.TORQUE_SQUARED,
+            value=self._torque_squared(motion),
+            share=1.0,
+            impact_target=target,
+            impact=impact,
+            path=path_to_target(impact, goal, air, None, launch.time),
+            speed_use=speed_use,
+            torque_use=torque_use,
+            binding=(),
+            ball_is_placed=True,
+            heading=0.0,
+            balance=None if standing is None else Balance(standing).distance(impact.posture),
+            motion=motion,
+        )
+        return turn_plan(plan, kick.heading) if kick.heading else plan
+
+    def _torque_squared(self, motion: Motion) -> float:
+        """Return the integral of the mean squared torque of the moving joints over their limits."""
+        robot = motion.robot
+        columns = [robot.velocity_index(name) for name in motion.joints]
+        times = np.linspace(motion.begin, motion.end, SAMPLES)
+        torque = np.array([motion.torque(t)[columns] for t in times])
+        return float(trapezoid(((torque / robot.effort_limit[columns]) ** 2).mean(axis=1), times))
 
     @cached_property
     def _ball(self) -> Ball:

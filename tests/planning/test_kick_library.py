@@ -78,6 +78,14 @@ def test_goals_are_met_by_their_launch(library):
     assert library.reader.lower[1] < launch.angle < library.reader.upper[1]
     agrees(kick.launch, launch.velocity, closed_form(1e3))
     agrees(kick.impact.ball_after.velocity, launch.velocity, closed_form(1e4))
+    plan = library.plan(goal, air=air)
+    assert plan.landing_error < 1e-6
+    assert plan.status == "met"
+    assert plan.speed_use == pytest.approx(
+        np.max(np.abs(plan.v) / plan.leg.velocity_limit), rel=0.02
+    )
+    with pytest.raises(InvalidInput, match=r"speed is 11 m/s"):
+        library.plan(kd.Goal(5.3, speed=11.0), air=air)
     with pytest.raises(InvalidInput, match="spin"):
         library.kick(kd.Goal(5.3, speed=12.2, spin=(0, -5, 0)))
 

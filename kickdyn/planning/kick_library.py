@@ -6,17 +6,14 @@ centre and at the centres of its faces must keep all limits and meet the launch 
 cell is halved, and at last not covered. `KickReader` has the interpolation and the exact impact.
 """
 
-import json
 import math
 import os
-import pickle
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from functools import cached_property, partial
-from itertools import product
+from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any
 
 import numpy as np
 from scipy.integrate import trapezoid
@@ -26,11 +23,9 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.executors import STOPPED, in_order, reason_of_stop
-from kickdyn.core.files import replacing
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
 from kickdyn.core.validation import Array, ArrayLike
-from kickdyn.errors import InvalidInput, Unfinished
+from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.motion.impact_target import impact_target_for
@@ -40,9 +35,7 @@ from kickdyn.planning.kick import turn_plan
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_reader import (
     AXES,
-    FORMAT,
     InterpolatedKick,
-    checksum,
     read_kicks,
 )
 from kickdyn.planning.kick_steps import (
@@ -57,13 +50,6 @@ from kickdyn.planning.stance import Balance
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, is_floating
 
-STEPS = {"speed": 0.04, "elevation": math.radians(2), "azimuth": math.radians(2), "x": 0.02,
-         "y": 0.02}  # fmt: skip
-"""Largest distances of nodes: of the speed relative to the largest one, in rad, and in m."""
-
-REFINEMENTS = 1
-"""How often a cell that is not covered is halved."""
-
 UNITS = {"speed": "m/s", "elevation": "rad", "azimuth": "rad", "x": "m", "y": "m"}
 
 SAME = 1e-6
@@ -72,19 +58,11 @@ SAME = 1e-6
 SAMPLES = 200
 """Times at which the torques of a motion are integrated."""
 
-AHEAD = 64
-"""Tasks that are given to an executor before the first of them is computed."""
-
 Range = float | tuple[float, float]
 """A single value of an axis, or its least and largest one."""
 
 Progress = Callable[[str, int, int], None]
 """Is called with what is computed, `motions` or `checks`, how many there are, and of how many."""
-
-Key = tuple[int, ...]
-"""A point of the lattice of a library: numbers of steps along the axes that have a range."""
-
-T = TypeVar("T")
 
 
 @validation.check_arguments
@@ -158,10 +136,11 @@ def kick_library(
         if not is_floating(robot):
             raise InvalidInput("height of the ball's centre is missing: a leg needs it")
         height = ball.radius
-    from kickdyn.planning.library_motions import Kicks  # it imports CasADi
+    from kickdyn.planning.library_making import LibraryMaking  # it imports CasADi
+    from kickdyn.planning.library_motions import Kicks
 
     kicks = Kicks(robot, ball, contact, height)
-    making = _Making(path, kicks, ranges, executor, progress or (lambda *_: None))
+    making = LibraryMaking(path, kicks, ranges, executor, progress or (lambda *_: None))
     making.run()
     return KickLibrary(path, robot)
 
@@ -183,349 +162,6 @@ def _checked_range(
                 f"{name} is {each:g} rad: at most {most:.4g} (angles are in radians)"
             )
     return float(pair[0]), float(pair[-1])
-
-
-class _Cell(NamedTuple):
-    """A cell of the lattice: its lowest corner, its sizes and how often each axis was halved."""
-
-    low: Key
-    size: Key
-
-    def corners(self) -> list[Key]:
-        """Return all corners, the last axis fastest."""
-        ends = [(a, a + b) for a, b in zip(self.low, self.size, strict=True)]
-        return list(product(*ends))
-
-    def centre(self) -> Key:
-        return tuple(a + b // 2 for a, b in zip(self.low, self.size, strict=True))
-
-    def checked(self) -> Iterator[tuple[Key, list[Key]]]:
-        """Yield the centre and those of the faces, with the corners between which they are."""
-        corners, centre = self.corners(), self.centre()
-        yield centre, corners
-        for axis in range(len(self.low)):
-            for end in (self.low[axis], self.low[axis] + self.size[axis]):
-                face = [corner for corner in corners if corner[axis] == end]
-                yield (*centre[:axis], end, *centre[axis + 1 :]), face
-
-
-class _Making:
-    """The making of a library, whose parts are stored in a folder beside it."""
-
-    def __init__(
-        self,
-        file: Path,
-        kicks: Any,
-        ranges: Mapping[str, tuple[float, float] | None],
-        executor: Executor | None,
-        progress: Progress,
-    ) -> None:
-        self.file, self.kicks = file, kicks
-        self.executor, self.progress = executor, progress
-        self.folder = file.with_name(f"{file.name}.parts")
-        self.ranges = ranges
-        self.lower, self.upper = np.zeros(5), np.zeros(5)
-        self.nodes: dict[Key, str] = {}  # why there is no motion; empty where there is one
-        self.checks: dict[str, tuple[str, list[float]]] = {}
-        self.coefficients: dict[Key, Array] = {}
-
-    def run(self) -> None:
-        """Compute what is missing, and write the library."""
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            self._begin()
-            self._plan_grid()
-            covered, others = list[_Cell](), self._cells()
-            for number in range(REFINEMENTS + 1):
-                self._check(others)
-                covered += [cell for cell in others if not self._reason(cell)]
-                others = [cell for cell in others if self._reason(cell)]
-                if number < REFINEMENTS:
-                    others = [part for cell in others for part in self._halves(cell)]
-                    self._plan_midpoints(others)
-            self._write([*covered, *others])
-        except STOPPED as error:
-            motions = sum(1 for reason in self.nodes.values() if not reason)
-            raise Unfinished(
-                f"{reason_of_stop(error)}: {motions} motions and {len(self.checks)} checks are "
-                f"stored in {self.folder}; to continue, run it again"
-            ) from None
-
-    def _begin(self) -> None:
-        """Plan the first motion, or read what is stored."""
-        from kickdyn.planning.library_motions import first_motion
-
-        settings = json.dumps([self.ranges, REFINEMENTS, repr(self.kicks.ball),
-                               repr(self.kicks.contact), self.kicks.height])  # fmt: skip
-        stored = self.folder / "settings.json"
-        if stored.exists():
-            former = json.loads(stored.read_text())
-            if former["settings"] != settings:
-                raise InvalidInput(
-                    f"{self.folder} has parts of a library with other settings: remove it"
-                )
-            self.lower, self.upper = np.array(former["lower"]), np.array(former["upper"])
-            first = np.array(former["first"])
-            aside = tuple((name, value) for name, value in former["aside"])
-            near = _read_arrays(self.folder / "first.npz")["near"]
-            joints = tuple(former["joints"])
-            self.kicks = self.kicks._replace(joints=joints, aside=aside, near=near)
-        else:
-            middle = [0.5 * sum(self.ranges[name] or (0.0, 0.0)) for name in AXES]
-            self.kicks, first, found = first_motion(self.kicks, np.array(middle))
-            if found.reason:
-                raise InvalidInput(f"no motion for the middle keeps all limits: {found.reason}")
-            pairs = [self.ranges[n] or (first[k], first[k]) for k, n in enumerate(AXES)]
-            self.lower, self.upper = np.array(pairs).T
-            np.savez(self.folder / "first.npz", near=self.kicks.near, **found.solution)
-            former = {
-                "settings": settings, "lower": self.lower.tolist(), "upper": self.upper.tolist(),
-                "first": first.tolist(), "joints": self.kicks.joints, "aside": self.kicks.aside,
-            }  # fmt: skip
-            with replacing(stored) as draft:
-                draft.write_text(json.dumps(former))
-        self.pickled = pickle.dumps(self.kicks)
-        self.active = np.flatnonzero(self.upper > self.lower)
-        names = np.array(AXES)[self.active]
-        span = (self.upper - self.lower)[self.active]
-        steps = np.array([STEPS[n] * (self.upper[0] if n == "speed" else 1.0) for n in names])
-        self.counts = np.maximum(np.ceil(span / steps - 1e-9), 1).astype(int)
-        self.unit = 2 ** (REFINEMENTS + 1)
-        self.start = tuple(int(count // 2) * self.unit for count in self.counts)
-        self._read_log()
-        if self.start not in self.nodes:
-            self._reach_start(first)
-
-    def _reach_start(self, first: Array) -> None:
-        """Plan the motion at the start of the grid by steps from the first one."""
-        from kickdyn.planning.library_motions import next_motion
-
-        goal, steps = self._point(self.start), np.array([STEPS[name] for name in AXES])
-        steps[0] *= self.upper[0]
-        count = max(int(np.ceil((np.abs(goal - first) / steps).max())), 1)
-        start = _read_arrays(self.folder / "first.npz")
-        for k in range(1, count + 1):
-            point = first + k / count * (goal - first)
-            found = next_motion(self.pickled, point, [start])
-            if found.reason:
-                place = ", ".join(f"{n} {v:.4g}" for n, v in zip(AXES, point, strict=True))
-                raise InvalidInput(
-                    f"no motion keeps all limits on the way to the middle of the ranges, at {place}"
-                    f": {found.reason}; the ball suits this robot at x {first[3]:.3f}, "
-                    f"y {first[4]:.3f} m"
-                )
-            start = found.solution
-        self._keep(self.start, found)
-
-    def _point(self, key: Key) -> Array:
-        """Return the values of the axes at a point of the lattice."""
-        point = self.lower.copy()
-        share = np.array(key) / (self.counts * self.unit)
-        point[self.active] += share * (self.upper - self.lower)[self.active]
-        return point
-
-    def _plan_grid(self) -> None:
-        """Plan motions next to those that there are, outward, until no more is found."""
-        grid = {
-            tuple(int(k) * self.unit for k in numbers)
-            for numbers in product(*(range(count + 1) for count in self.counts))
-        }
-        tried: dict[Key, int] = dict.fromkeys(self.nodes, 0)
-        while True:
-            tasks = []
-            for key in sorted(grid):
-                near = [n for n in self._neighbours(key) if self.nodes.get(n) == ""]
-                if self.nodes.get(key) != "" and len(near) > tried.get(key, 0):
-                    tried[key] = len(near)
-                    tasks.append((key, near))
-            if not tasks:
-                return
-            self._plan(tasks, len(grid))
-
-    def _neighbours(self, key: Key) -> Iterator[Key]:
-        for axis in range(len(key)):
-            for step in (-self.unit, self.unit):
-                yield (*key[:axis], key[axis] + step, *key[axis + 1 :])
-
-    def _plan(self, tasks: list[tuple[Key, list[Key]]], total: int) -> None:
-        from kickdyn.planning.library_motions import next_motion
-
-        jobs = [
-            (self._point(key), [_read_arrays(self._node_file(n)) for n in near])
-            for key, near in tasks
-        ]
-        results = self._compute(partial(_call, next_motion, self.pickled), jobs)
-        for (key, _), found in zip(tasks, results, strict=True):
-            self._keep(key, found)
-            self.progress("motions", len(self.nodes), max(total, len(self.nodes)))
-
-    def _compute(self, function: Callable[[Any], T], jobs: list[Any]) -> Iterator[T]:
-        if self.executor is None:
-            return map(function, jobs)
-        return in_order(self.executor, function, jobs, AHEAD)
-
-    def _keep(self, key: Key, found: Any) -> None:
-        """Store a motion, or why there is none."""
-        if not found.reason:
-            with replacing(self._node_file(key)) as draft, draft.open("wb") as out:
-                np.savez(out, **found.solution)
-        self._log({"node": key, "reason": found.reason})
-        self.nodes[key] = found.reason
-
-    def _node_file(self, key: Key) -> Path:
-        return self.folder / f"{'_'.join(map(str, key)) or 'only'}.npz"
-
-    def _log(self, entry: Mapping[str, Any]) -> None:
-        with (self.folder / "log.jsonl").open("a") as log:
-            log.write(json.dumps(entry) + "\n")
-
-    def _read_log(self) -> None:
-        """Read what was stored; a last line that was cut does not count."""
-        log = self.folder / "log.jsonl"
-        for line in log.read_text().splitlines(keepends=True) if log.exists() else ():
-            if not line.endswith("\n"):
-                continue
-            entry = json.loads(line)
-            if "node" in entry:
-                self.nodes[tuple(entry["node"])] = entry["reason"]
-            else:
-                self.checks[entry["check"]] = entry["reason"], entry["margins"]
-
-    def _cells(self) -> list[_Cell]:
-        size = (self.unit,) * len(self.counts)
-        lows = product(*(range(0, count * self.unit, self.unit) for count in self.counts))
-        return [_Cell(low, size) for low in lows]
-
-    def _coefficients(self, key: Key) -> Array:
-        if key not in self.coefficients:
-            self.coefficients[key] = _read_arrays(self._node_file(key))["coefficients"]
-        return self.coefficients[key]
-
-    def _check(self, cells: Iterable[_Cell]) -> None:
-        """Check the motions between the nodes of cells that have all."""
-        from kickdyn.planning.library_motions import check_between
-
-        tasks = {}
-        for cell in cells:
-            if all(self.nodes.get(corner) == "" for corner in cell.corners()):
-                for key, corners in cell.checked():
-                    name = _name(key, corners)
-                    if name not in self.checks:
-                        tasks[name] = key, corners
-        jobs = [
-            (self._point(key), np.mean([self._coefficients(c) for c in corners], axis=0))
-            for key, corners in tasks.values()
-        ]
-        results = self._compute(partial(_call, check_between, self.pickled), jobs)
-        for number, (name, found) in enumerate(zip(tasks, results, strict=True), start=1):
-            margins = found.margins.tolist()
-            self._log({"check": name, "reason": found.reason, "margins": margins})
-            self.checks[name] = found.reason, margins
-            self.progress("checks", number, len(tasks))
-
-    def _reason(self, cell: _Cell) -> str:
-        """Return why a cell is not covered; empty where it is."""
-        for corner in cell.corners():
-            reason = self.nodes.get(corner, "there is no motion near it")
-            if reason:
-                return reason
-        reasons = (self.checks[_name(*checked)][0] for checked in cell.checked())
-        return next((reason for reason in reasons if reason), "")
-
-    def _halves(self, cell: _Cell) -> list[_Cell]:
-        """Return both halves of a cell, along the axis along which its motions differ most."""
-        known = {c: self._coefficients(c) for c in cell.corners() if self.nodes.get(c) == ""}
-        changes = []
-        for axis in range(len(cell.low)):
-            pairs = [
-                np.abs(known[high] - known[low]).max()
-                for low in known
-                if low[axis] == cell.low[axis]
-                and (high := _moved(low, axis, cell.size[axis])) in known
-            ]
-            changes.append(max(pairs, default=0.0))
-        if not known or not max(changes):
-            return [cell]
-        axis = int(np.argmax(changes))
-        half = cell.size[axis] // 2
-        size = (*cell.size[:axis], half, *cell.size[axis + 1 :])
-        return [_Cell(cell.low, size), _Cell(_moved(cell.low, axis, half), size)]
-
-    def _plan_midpoints(self, cells: Iterable[_Cell]) -> None:
-        """Plan the motions at the corners of halves of cells, from their neighbours there."""
-        tasks = {}
-        for cell in cells:
-            for corner in cell.corners():
-                if corner in self.nodes:
-                    continue
-                near = [
-                    other
-                    for axis, size in enumerate(cell.size)
-                    for step in (-size, size)
-                    if self.nodes.get(other := _moved(corner, axis, step)) == ""
-                ]
-                tasks[corner] = near
-        self._plan([(key, near) for key, near in tasks.items() if near], len(self.nodes))
-
-    def _write(self, cells: list[_Cell]) -> None:
-        """Write the library, and remove its parts."""
-        from kickdyn.planning.library_motions import described
-
-        names = [key for key, reason in self.nodes.items() if not reason]
-        numbers = {key: k for k, key in enumerate(names)}
-        arrays, labels = described(self.kicks, self._point(self.start))
-        least = []
-        for cell in cells:
-            rows = [self.checks[name][1] for name in map(_named, cell.checked())
-                    if name in self.checks and self.checks[name][1]]  # fmt: skip
-            least.append(np.min(rows, axis=0) if rows else np.full(len(labels), np.nan))
-        lows = [self._point(cell.low) for cell in cells]
-        highs = [self._point(_opposite(cell)) for cell in cells]
-        arrays |= {
-            "format": np.array(FORMAT),
-            "lower": self.lower,
-            "upper": self.upper,
-            "coefficients": np.array([self._coefficients(key) for key in names]),
-            "cell_lower": np.array(lows),
-            "cell_upper": np.array(highs),
-            "cell_nodes": np.array([
-                [numbers.get(corner, -1) for corner in cell.corners()] for cell in cells
-            ]),
-            "cell_reasons": np.array([self._reason(cell) for cell in cells], dtype=str),
-            "cell_margins": np.array(least),
-            "limits": np.array(labels),
-        }  # fmt: skip
-        with replacing(self.file) as draft, draft.open("wb") as out:
-            np.savez_compressed(out, checksum=np.array(checksum(arrays)), **arrays)
-        for part in self.folder.iterdir():
-            part.unlink()
-        self.folder.rmdir()
-
-
-def _call(function: Callable[..., T], pickled: bytes, arguments: tuple[Any, ...]) -> T:
-    return function(pickled, *arguments)
-
-
-def _moved(key: Key, axis: int, step: int) -> Key:
-    return (*key[:axis], key[axis] + step, *key[axis + 1 :])
-
-
-def _opposite(cell: _Cell) -> Key:
-    return tuple(a + b for a, b in zip(cell.low, cell.size, strict=True))
-
-
-def _name(key: Key, corners: list[Key]) -> str:
-    """Return the name of a check: the point, and between which corners it is."""
-    return f"{key} {corners[0]} {corners[-1]}"
-
-
-def _named(checked: tuple[Key, list[Key]]) -> str:
-    return _name(*checked)
-
-
-def _read_arrays(file: Path) -> dict[str, Array]:
-    with np.load(file, allow_pickle=False) as stored:
-        return {name: stored[name] for name in stored.files}
 
 
 class KickLibrary(ReprMixin):

@@ -65,9 +65,16 @@ def test_rows_without_machine_code():
     contact = kd.Contact(leg.posture(q[0]).point_velocity(v[0]), 0.5)
     inflated, ball = kd.Contact((2, 0, 1), "inflated", 0.4), kd.Ball(pressure=80e3)
     for kick in ((leg, q, v, kd.Ball(), contact), (LEG, Q[:1], V[:1], ball, inflated)):
-        many = kd.collide_many(*kick)
         one = kd.collide(kick[0].posture(kick[1][0]), kick[2][0], *kick[3:], tol=1e-7)
+        many = kd.collide_many(*kick)
         assert many.impulse[0].tolist() == one.impulse.tolist()
+        after = one.ball_after
+        assert many.ball_after == kd.BallState(
+            *([row] for row in (after.position, after.velocity, after.spin, after.time))
+        )
+        away = kd.collide_many(kick[0], kick[1], -kick[2], *kick[3:])
+        assert away.status.tolist() == [StrikeStatus.NO_IMPACT.flag]
+        assert np.isnan(away.contact_time).all()
     kick = LEG, Q, V * [[1.0], [-1.0]], kd.Ball(), kd.Contact((2, 0, 1), 0.8)
     soft = kd.collide_many(*kick, stiffness=300.0)
     assert soft.status.tolist() == [StrikeStatus.FAILED.flag, StrikeStatus.NO_IMPACT.flag]

@@ -15,7 +15,6 @@ BALL = kd.Ball()
 R = BALL.radius
 AIRS = {"vacuum": None, "air": kd.Air()}
 every_air = pytest.mark.parametrize("air", AIRS.values(), ids=AIRS)
-WALL = kd.Plane((10, 0, 0), (-1, 0, 0))
 
 
 def launch(velocity, at=(0, 0, 0), spin=(0, 0, 0)):

@@ -74,6 +74,8 @@ def test_a_file_gives_drives_before_joints_are_locked(tmp_path):
     *((f"[joints.knee]\nrotor_inertia_kg_m2 = 1\n{key} = -1", f"knee: {word} is -1.0")
       for key, word in (("torque_limit_n_m", "torque limit"), ("speed_limit_rad_s", "speed limit"),
                         ("stiffness_n_m_rad", "stiffness"), ("friction_n_m", "friction"))),
+    ("[joints.knee]\ngear = 2", "knee has no rotor_inertia_kg_m2"),
+    ("[joints.knee]\nrotor_inertia_kg_m2 = 0\nratio = 2", "knee has ratio: choose .*gear"),
     ("[joints.nee]\nrotor_inertia_kg_m2 = 0", "'nee' .*'knee'"),
 ], ids=lambda text: text[:60])  # fmt: skip
 def test_bad_files_are_refused_in_one_line(tmp_path, text, said):
@@ -159,6 +161,8 @@ def test_a_drive_is_a_rotor_a_spring_and_friction(stiffness, friction):
     assert hit.energy_residual < integrated(1e-9)
     number = {"hip": hit.contact_time * np.sqrt(stiffness / inertia)}
     assert posture.drive_number(hit.contact_time) == pytest.approx(number, rel=closed_form(10))
+    shown = [line.split()[-1] for line in repr(hit).splitlines() if "drive number, hip" in line]
+    assert shown == [f"{number['hip']:.4g}"]
 
 
 @pytest.mark.parametrize(("kind", "small", "medium", "large"), [

@@ -128,18 +128,10 @@ def test_random_models_move_and_weigh_as_in_mujoco(tmp_path_factory, seed, kinds
 
 ARM = '<body name="arm"><joint name="j" axis="0 1 0"/>{}</body>'
 BALL = '<geom type="sphere" size="0.1" pos="0 0 -1" mass="2"/>'
-SPHERE = 2 * 1.0 + 2 * 2 * 0.1**2 / 5
-"""Moment of the arm's ball about the joint [kg m2]."""
 
 
 def arm(tmp_path, body=None, more=""):
     return kd.Leg.from_mjcf(written(tmp_path, body or ARM.format(BALL), more), "arm")
-
-
-def moment(leg):
-    """What the joint j moves at 0 [kg m2]."""
-    index = leg.velocity_index("j")
-    return leg.posture(leg.configuration()).inertia[index, index]
 
 
 @pytest.mark.parametrize(("joint", "more", "span"), [

@@ -52,7 +52,8 @@ def random_urdf(rng, mimics=0):
     for k in range(1, count + 1):
         kind, gear = ("revolute", "revolute", "prismatic", "continuous")[rng.integers(4)], ""
         if mimics and (k <= 2 or count - mimics < k):
-            kind = "revolute" if k == 1 or rng.random() < 0.7 else "prismatic"
+            turns = k == 1 or rng.random() < 0.7
+            kind = rng.choice(["revolute", "continuous"]) if turns else "prismatic"
         if count - mimics < k:
             gear = (
                 f'<mimic joint="{rng.choice(["j1", "j2"])}" multiplier="{rng.uniform(-2, 2)!r}" '

@@ -93,6 +93,5 @@ def test_rows_without_machine_code():
 ])  # fmt: skip
 def test_bad_input(changes, words):
     arguments = {"q": Q, "v": V, "ball": kd.Ball(), "contact": kd.Contact((1, 0, 0), 0.5)}
-    with pytest.raises(kd.InvalidInput, match=words) as caught:
+    with pytest.raises(kd.InvalidInput, match=words):
         kd.collide_many(LEG, **(arguments | changes))
-    assert "\n" not in str(caught.value)

@@ -5,7 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
-from chains import free_body, momentum, rails
+from chains import fourbar, free_body, momentum, rails
 from scipy.integrate import dblquad
 from tolerances import agrees, closed_form, differenced, integrated
 
@@ -13,7 +13,6 @@ import kickdyn as kd
 from kickdyn.impact.inflated_force import GAS_EXPONENT, gauge_pressure
 from kickdyn.impact.patch_contact import FootPatch, _across, overlap
 from kickdyn.restitution import SHELL_RESTITUTION
-from kickdyn.robot.urdf_file import shipped_urdf
 
 BALL = kd.Ball(pressure=80e3)
 R = BALL.radius
@@ -87,8 +86,7 @@ def test_energy_and_momentum_are_balanced(friction, offset, e):
 def test_what_holds_a_spin_or_a_loop_is_accounted_for():
     """A particle keeps its spin whatever turns it; a loop that is closed does no work."""
     particle = kd.Ball(inertia_factor=math.inf, pressure=80e3)
-    loop = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
-    loop = loop.with_loops(("shank_pin", "rocker_b_tip"))
+    loop = fourbar()
     bent = loop.posture(loop.close_loops(loop.configuration({"rocker_b": 0.6}), ["rocker_b"]))
     for foot, v, ball in (
         (FREE, (14.0, 3.0, 1.0, 1.0, -4.0, 3.0), particle),

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import floating_leg, random_leg
+from chains import at, floating_leg, random_leg, serial
 from contacts import random_strikes
 from tolerances import agrees, closed_form, differenced
 
@@ -79,12 +79,9 @@ def test_one_ball_and_one_contact_serve_all_rows():
 
 def screw_leg():
     """A helical joint that carries a hinge, on which a foot is."""
-    model, down = pin.Model(), pin.SE3(np.eye(3), np.array([0.1, 0.0, -0.4]))
-    for parent, kind in enumerate((pin.JointModelHX(0.3), pin.JointModelRY())):
-        joint = model.addJoint(parent, kind, down, f"joint{parent}")
-        model.appendBodyToJoint(joint, pin.Inertia.FromSphere(1.0, 0.2), down)
-    model.addFrame(pin.Frame("toe", 2, 0, down, pin.FrameType.OP_FRAME))
-    return kd.Leg.from_model(model, "toe")
+    place, body = at(0.1, 0, -0.4), pin.Inertia(1.0, np.array([0.1, 0, -0.2]), 0.02 * np.eye(3))
+    joints = ("a", pin.JointModelHX(0.3), place, body), ("b", pin.JointModelRY(), place, body)
+    return kd.Leg.from_model(serial(joints, place), "toe")
 
 
 @pytest.mark.parametrize("leg", [
@@ -119,6 +116,5 @@ def test_slopes_are_those_of_the_sensitivity(leg, friction):
 ])  # fmt: skip
 def test_bad_input(changes, words):
     arguments = {"q": np.ones((2, 3)), "v": np.ones((2, 3)), "ball": BALL, "contact": CONTACT}
-    with pytest.raises(kd.InvalidInput, match=words) as caught:
+    with pytest.raises(kd.InvalidInput, match=words):
         kd.strike_many(LEG, **(arguments | changes))
-    assert "\n" not in str(caught.value)

@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from chains import at, serial
 from scipy.integrate import solve_ivp
 from tolerances import closed_form, integrated
 
@@ -107,12 +108,8 @@ CONTACT = kd.Contact((0, 0, 1), restitution=1.0)
 
 def hinge(**drive):
     """A bar of 0.5 m about y with a drive, in a posture 0.4 rad below level; without gravity."""
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "hip")
     inertia = pin.Inertia(1.5, np.array([0.2, 0.0, 0.0]), np.diag([1e-3, 0.04, 0.04]))
-    model.appendBodyToJoint(1, inertia, pin.SE3.Identity())
-    tip = pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.0]))
-    model.addFrame(pin.Frame("toe", 1, 0, tip, pin.FrameType.OP_FRAME))
+    model = serial([("hip", pin.JointModelRY(), at(0, 0, 0), inertia)], at(0.5, 0, 0))
     model.gravity = pin.Motion.Zero()
     leg = kd.Leg.from_model(model, "toe").with_drives({"hip": kd.Drive(2e-5, 40, **drive)})
     return leg.posture([0.4]), 1.5 * 0.2**2 + 0.04 + 2e-5 * 40**2

@@ -5,11 +5,11 @@ import re
 
 import numpy as np
 import pytest
+from chains import fourbar
 from scipy.stats import qmc
 from tolerances import closed_form
 
 import kickdyn as kd
-from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps.grid import IN_MEMORY, LARGEST, Chunks, Grid, check_size, read_postures
 
 LEG = kd.Leg.human()
@@ -92,11 +92,9 @@ def test_ranges_hold_for_joints_that_others_move(leg_with_arm):
     """The elbow follows the shoulder 0.3 rad ahead, up to 1 rad; a rocker follows the other."""
     leg = kd.Leg.from_urdf(leg_with_arm, "toe")
     assert Grid.of(leg, {"shoulder": [-1.0, 0.7]}).size == 2
-    fourbar = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
-    fourbar = fourbar.with_loops(("shank_pin", "rocker_b_tip"))
-    model = fourbar.model
+    model = fourbar().model
     model.upperPositionLimit[1] = 0.1
-    closed = fourbar.with_model(model)
+    closed = fourbar().with_model(model)
     grid = Grid.of(closed, {"rocker_b": [0.0, 0.4]})
     assert np.abs(grid.configuration(closed, 0)).max() < closed_form(10)
     for refused, said in (

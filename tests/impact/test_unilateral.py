@@ -78,7 +78,12 @@ def test_contact_laws_hold_after_the_impact(name):
     surface = state.velocity - ball.radius * np.cross(state.spin, n)
     slip = surface - posture.jacobian @ impact.v_after
     tangential = impact.impulse - pressing * n
-    check_coulomb(tangential, pressing, contact.friction, slip - (slip @ n) * n, scale, speed)
+    sliding = slip - (slip @ n) * n
+    check_coulomb(tangential, pressing, contact.friction, sliding, scale, speed)
+    slow = [np.hypot(*u[:2]) < 1e-9 * speed for u in (*impact.point_velocities[FOOT],)]
+    stuck = np.linalg.norm(sliding) < 1e-9 * speed
+    assert impact.sticking is bool(stuck and contact.friction)
+    assert impact.solution.sticking[1:] == tuple(bool(x and friction) for x in slow)
     assert impact.restitution_residual <= optimized(1e-10)
     assert impact.momentum_residual <= closed_form(100)
     assert np.abs(impact.joint_impulses[0]).max() < closed_form(100) * scale  # the base

@@ -42,6 +42,7 @@ BAD = {
         "[0-9]+ elements",
     ),
     "nan": (MODEL.replace('"0.1"', '"nan"'), "MuJoCo refuses"),
+    "far away": (MODEL.replace('"arm"', '"arm" pos="1e101 0 0"'), "'arm' has a mass, moment"),
     "a huge size": (MODEL.replace('"0.1"', '"1e80"'), "'arm' has a mass, moment or position"),
 }  # fmt: skip
 

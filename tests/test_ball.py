@@ -125,16 +125,10 @@ def test_an_obstacle_is_for_impacts_only(call):
 # --- its states ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("velocity", "speed", "elevation_deg"),
-    [
-        ((0, 0, 0), 0, 0),
-        ((3, 0, 4), 5, math.degrees(math.atan2(4, 3))),
-        ((-3, 0, 4), 5, math.degrees(math.atan2(4, 3))),  # it flies back, and upwards
-        ((0, 2, -2), math.sqrt(8), -45),
-        ((0, 0, 1), 1, 90),
-    ],
-)
+@pytest.mark.parametrize(("velocity", "speed", "elevation_deg"), [
+    ((0, 0, 0), 0, 0), ((0, 2, -2), math.sqrt(8), -45), ((0, 0, 1), 1, 90),
+    ((3, 0, 4), 5, math.degrees(math.atan2(4, 3))),
+    ((-3, 0, 4), 5, math.degrees(math.atan2(4, 3)))])  # it flies back  # fmt: skip
 def test_speed_and_elevation(velocity, speed, elevation_deg):
     one, many = kd.BallState(velocity=velocity), kd.BallState(velocity=[velocity, (1, 0, 0)])
     assert (type(one.speed), type(one.elevation)) == (float, float)

@@ -97,39 +97,30 @@ def test_the_part_of_the_ball_that_counts_is_on_the_plane(air, part, x):
 
 
 @every_air
-@pytest.mark.parametrize(
-    ("plane", "limit", "status"),
-    [
-        (kd.Plane((5, 0, 0), (-1, 0, 0)), 9.0, "at-plane"),
-        (kd.Plane((500, 0, 0), (-1, 0, 0)), 9.0, "landed"),
-        (kd.Plane((500, 0, 0), (-1, 0, 0)), 0.1, "aloft"),
-        (kd.Plane((-5, 0, 0), (1, 0, 0)), 9.0, "landed"),
-        (kd.Plane((0, 0, 9), (0, 0.1, -1)), 9.0, "landed"),  # a ceiling that it never reaches
-    ],
-)
+@pytest.mark.parametrize(("plane", "limit", "status"), [
+    (kd.Plane((5, 0, 0), (-1, 0, 0)), 9.0, "at-plane"),
+    (kd.Plane((500, 0, 0), (-1, 0, 0)), 9.0, "landed"),
+    (kd.Plane((500, 0, 0), (-1, 0, 0)), 0.1, "aloft"),
+    (kd.Plane((-5, 0, 0), (1, 0, 0)), 9.0, "landed"),
+    (kd.Plane((0, 0, 9), (0, 0.1, -1)), 9.0, "landed")])  # a ceiling above it  # fmt: skip
 def test_a_flight_ends_at_the_first_of_plane_ground_and_time_limit(air, plane, limit, status):
     path = kd.fly(launch((25, 0, 8)), BALL, air, plane=plane, time_limit=limit)
     assert path.status == status
 
 
 @every_air
-@pytest.mark.parametrize(
-    ("velocity", "normal", "status", "flies"),
-    [
-        ((5, 0, 9), (-1, 0, 0), "at-plane", False),  # into a wall
-        ((-5, 0, 9), (-1, 0, 0), "landed", True),  # away from it
-        ((5, 0, 9), (0, 1, 0), "landed", True),  # along it
-        ((5, 0, 0), (0, 0, -1), "landed", True),  # below a ceiling, from which weight pulls it
-        ((5, 0, 0), (0, 0, 1), "at-plane", False),  # on a floor, onto which weight pulls it
-    ],
-)
-def test_a_ball_that_starts_on_a_plane_flies_only_away_from_it(
-    air, velocity, normal, status, flies
-):
+@pytest.mark.parametrize(("velocity", "normal", "status"), [
+    ((5, 0, 9), (-1, 0, 0), "at-plane"),  # into a wall
+    ((-5, 0, 9), (-1, 0, 0), "landed"),  # away from it
+    ((5, 0, 9), (0, 1, 0), "landed"),  # along it
+    ((5, 0, 0), (0, 0, -1), "landed"),  # below a ceiling, from which weight pulls it
+    ((5, 0, 0), (0, 0, 1), "at-plane"),  # on a floor, onto which weight pulls it
+])  # fmt: skip
+def test_a_ball_that_starts_on_a_plane_flies_only_away_from_it(air, velocity, normal, status):
     plane = kd.Plane((0, 0, 0), normal, "centre")
     path = kd.fly(launch(velocity), BALL, air, kd.Ground(-3), plane=plane)
     assert path.status == status
-    assert (path.duration > 0) == flies
+    assert (path.duration > 0) == (status == "landed")
 
 
 # --- on the ground ------------------------------------------------------------------------------

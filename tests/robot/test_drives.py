@@ -120,7 +120,7 @@ def hinge_impulse(contact_stiffness, inertia, v, drive, creep):
     ball, axis = kd.Ball(), np.array([0.0, 1.0, 0.0])
 
     def turned(q):
-        return np.array([[np.cos(q), 0, np.sin(q)], [0, 1, 0], [-np.sin(q), 0, np.cos(q)]])
+        return pin.utils.rotate("y", q)
 
     normal, tip = turned(-0.4) @ [0, 0, 1], np.array([0.5, 0.0, 0.0])
     start = turned(0.4) @ tip + [0, 0, ball.radius]

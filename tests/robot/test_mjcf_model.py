@@ -174,27 +174,43 @@ def test_a_base_is_welded_where_the_file_places_it_or_floats(tmp_path):
         assert posture.inertia[0, 0] == pytest.approx(1000 * 4 / 3 * np.pi * 0.2**3 + 2)
 
 
-def test_the_impact_of_a_knee_that_slides_as_it_bends(tmp_path):
-    """By a polynomial, as in models of muscles: energy of a contact, derivatives by q."""
-    file = written(
-        tmp_path,
-        '<body name="a"><joint name="hip" axis="0 1 0"/><geom size="0.1" pos="0.02 0 -0.5"/>'
-        '<body name="b" pos="0 0 -0.5"><joint name="slide" type="slide" axis="1 0 0"/>'
-        '<joint name="knee" axis="0 1 0"/><geom size="0.1" pos="0.1 0 -0.3"/>'
-        '<body name="foot" pos="0 0 -0.5"><joint name="ankle" axis="0 1 0"/>'
-        '<geom size="0.08" pos="0.1 0 -0.1"/></body></body></body>',
-        '<equality><joint joint1="slide" joint2="knee" polycoef="0.01 0.02 -0.05 0.03 0.01"/>'
-        "</equality>",
-    )
-    leg = kd.Leg.from_mjcf(file, "foot")
+SLIDING_KNEE = (
+    '<body name="a"><joint name="hip" axis="0 1 0"/><geom size="0.1" pos="0.02 0 -0.5"/>'
+    '<body name="b" pos="0 0 -0.5"><joint name="slide" type="slide" axis="1 0 0"/>'
+    '<joint name="knee" axis="0 1 0"/><geom size="0.1" pos="0.1 0 -0.3"/>'
+    '<body name="foot" pos="0 0 -0.5"><joint name="ankle" axis="0 1 0"/>'
+    '<geom size="0.08" pos="0.1 0 -0.1"/></body></body></body>'
+)
+KICKER = (
+    f'<body name="trunk"><freejoint/><geom size="0.15"/>{SLIDING_KNEE}<body name="thigh" pos='
+    '"0 -0.2 0"><joint name="other" axis="0 1 0"/><geom size="0.08" pos="0 0 -0.3"/><body '
+    'name="toe" pos="0 0 -0.5"><joint name="shin" axis="0 1 0"/><geom size="0.05" pos="0.1 0 0"/>'
+    "</body></body></body>"
+)
+
+
+@pytest.mark.parametrize(("body", "frame"), [(SLIDING_KNEE, "foot"), (KICKER, "toe")])
+def test_the_impact_of_a_knee_that_slides_as_it_bends(tmp_path, body, frame):
+    """By a polynomial, as in models of muscles: energy of a contact, derivatives by q.
+
+    Of a leg that kicks, and of one on which the robot stands.
+    """
+    tie = '<joint joint1="slide" joint2="knee" polycoef="0.01 0.02 -0.05 0.03 0.01"/>'
+    file = written(tmp_path, body, f"<equality>{tie}</equality>")
+    leg = kd.Leg.from_mjcf(file, frame, base="fixed" if frame == "foot" else "floating")
+    leg = leg if frame == "foot" else leg.with_supports("foot")
     q = leg.configuration({"hip": 0.5, "knee": 0.7, "ankle": -0.2})
-    v, along = leg.posture(q).admissible([-5, 0, -3, 2]), leg.posture(q).admissible([1, 0, -1, 2])
+    v, step = np.random.default_rng(0).uniform(-3, 3, (2, leg.nv))
+    v, along, slide = leg.posture(q).admissible(v), step.copy(), leg.velocity_index("slide")
+    along[slide] -= leg.gears.rows(q)[0] @ step  # as the knee moves it
 
     def moved(t):
-        return leg.posture(leg.gears.follow(q + t * along))
+        return leg.posture(leg.gears.follow(pin.integrate(leg.model, q, t * along)))
+
+    normal = leg.posture(q).point_velocity(v)
 
     def kick(t):
-        return moved(t), moved(t).admissible(v), kd.Ball(), kd.Contact((1, 0, 0.2), 0.7, 0.3)
+        return moved(t), moved(t).admissible(v), kd.Ball(), kd.Contact(normal, 0.7, 0.3)
 
     assert kd.collide(*kick(0.0)).energy_residual < integrated(1e-9)
     slopes = kd.strike(*kick(0.0)).sensitivity()

@@ -172,7 +172,10 @@ def test_velocities_of_a_supported_leg():
     wild = rng.normal(size=leg.nv)
     nearest = posture.admissible(wild)
     np.testing.assert_allclose(rows @ nearest, 0.0, atol=rounding * np.abs(nearest).max())
-    posture.check_velocity(nearest)
+    for size in (1e-12, 1.0, 1e12):  # what is rounding depends on the fastest joint
+        posture.check_velocity(size * nearest)
+        with pytest.raises(kd.InvalidInput, match=FOOT):
+            posture.check_velocity(size * wild)
     allowed = np.linalg.svd(rows)[2][6:]
     removed = posture.inertia @ (wild - nearest)
     np.testing.assert_allclose(allowed @ removed, 0.0, atol=rounding * np.abs(removed).max())

@@ -228,6 +228,8 @@ def test_mimic_joints_are_where_their_drivers_put_them(geared):
     assert q == pytest.approx([0.6, -0.1])
     for same in ([0.6], q, q + np.array([0, 0.5e-9])):  # a billionth is rounding
         assert geared.posture(same).q.tolist() == q.tolist()
+    far = geared.configuration({"hip": 2e5})
+    assert geared.posture(far + np.array([0, 0.9e-4])).q.tolist() == far.tolist()
     assert geared.configuration().tolist() == [0.0, 0.2]
     assert geared.configuration(geared.joint_values(q)).tolist() == q.tolist()
     posture = geared.posture(q)
@@ -235,6 +237,7 @@ def test_mimic_joints_are_where_their_drivers_put_them(geared):
     for refused, said in (
         (lambda: geared.posture([0.6, 0.3]), "knee is 0.3: it mimics hip, .*-0.1"),
         (lambda: geared.posture(q + np.array([0, 2e-9])), "mimics hip"),
+        (lambda: geared.posture(far + np.array([0, 1.1e-4])), "mimics hip"),
         (lambda: geared.configuration({"hip": 0.6, "knee": 0.3}), "knee is 0.3: it mimics hip"),
         (lambda: geared.posture(np.zeros(3)), r"\(3,\): .*\(1,\)"),
         (lambda: posture.check_velocity(np.ones(2)), "knee, which mimics hip, .* 1.5 rad/s"),

@@ -26,18 +26,24 @@ def launch(velocity, at=(0, 0, 0), spin=(0, 0, 0)):
 
 @settings(max_examples=25)
 @given(point=st.tuples(*[st.floats(-9, 9)] * 3), normal=st.tuples(*[st.floats(-9, 9)] * 3),
-    depth=st.floats(0.5, 9), part=st.sampled_from(["front", "centre", "back"]))  # fmt: skip
-def test_gap_is_the_distance_of_the_part_of_the_ball_along_the_normal(point, normal, depth, part):
+    metre=st.sampled_from([1e-6, 1.0, 1e6]), depth=st.floats(0.5, 9),
+    part=st.sampled_from(["front", "centre", "back"]))  # fmt: skip
+def test_gap_is_the_distance_of_the_part_of_the_ball_along_the_normal(
+    point, metre, normal, depth, part
+):
+    """In any unit of length; a billionth beyond the plane is rounding."""
     size = math.hypot(*normal)
     assume(size > 0.1)
-    unit = np.array(normal) / size
-    ball, plane = kd.Ball(radius=0.3), kd.Plane(point, normal, part)
-    centre = point + depth * unit + 3.0 * np.cross(unit, (1, 2, 3))
-    right = depth + {"front": -0.3, "centre": 0.0, "back": 0.3}[part]
+    unit, point = np.array(normal) / size, metre * np.array(point)
+    ball, plane = kd.Ball(radius=0.3 * metre), kd.Plane(point, normal, part)
+    centre = point + metre * (depth * unit + 3.0 * np.cross(unit, (1, 2, 3)))
+    right = metre * (depth + {"front": -0.3, "centre": 0.0, "back": 0.3}[part])
     assert plane.gap(ball, centre) == pytest.approx(right, rel=closed_form(100))
     assert plane.normal == pytest.approx(unit, rel=closed_form())
-    with pytest.raises(kd.InvalidInput, match=f"{part} .*beyond the plane"):
-        plane.gap(ball, centre - (depth + 1.0) * unit)
+    assert plane.gap(ball, centre - (right + 2e-10 * metre) * unit) == 0.0
+    for beyond in (1.0, 1e-6):
+        with pytest.raises(kd.InvalidInput, match=f"{part} .*beyond the plane"):
+            plane.gap(ball, centre - (right + beyond * metre) * unit)
 
 
 @pytest.mark.parametrize(("normal", "part", "answer"),

@@ -97,3 +97,5 @@ def test_the_effective_mass_of_stiff_joints_and_the_limits_of_drives():
     assert held.effective_mass > free.effective_mass
     assert free.motor_work == 0.0
     assert (free.drive_limit, held.drive_limit) == ("with rotors", "with rotors, stiff knee")
+    limits = held.posture.effective_mass_limits(wish)
+    assert all(f"limit {name}" in repr(held) for name in limits)

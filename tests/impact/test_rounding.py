@@ -51,8 +51,9 @@ def test_digits_are_those_of_float64():
 
 
 @pytest.mark.parametrize(("share", "creates"), [(1e-13, False), (1e-11, True)])
-def test_energy_within_the_rounding_of_a_fast_spin_is_not_created(share, creates):
-    posture, ball = kd.Leg.human().posture([0.1, 0.2, 0.3]), kd.Ball()
+@pytest.mark.parametrize("mass", [1e-6, 0.4])
+def test_energy_within_the_rounding_of_a_fast_spin_is_not_created(share, creates, mass):
+    posture, ball = kd.Leg.human().posture([0.1, 0.2, 0.3]), kd.Ball(mass)
     v, contact = posture.joint_velocity((3, 0, 1)), kd.Contact((3, 0, 1), 0.8, 0.4)
     impact = kd.strike(posture, v, ball, contact, ball_spin=(0.0, 1e6, 0.0))
     gained = share * float(np.abs(impact.impulse).max()) * ball.radius * 1e6

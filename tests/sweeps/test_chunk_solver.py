@@ -60,3 +60,13 @@ def test_flown_carries_are_right_to_1e_8():
     exact = [kd.fly(ball, kick.ball, kick.air, tol=1e-13).range for ball in launches]
     assert sum(carry > 1.0 for carry in exact) > 15
     assert solved(LEG, grid, kick)[0][CARRY] == pytest.approx(exact, rel=1e-8)
+
+
+@pytest.mark.processor_limit(10)  # of 750 flights one by one, where machine code is not stored
+def test_interpolation_changes_carries_only_and_within_the_tolerance():
+    kick = Kick(speed=14.0)
+    axes = {"hip": np.linspace(-0.2, 1.4, 15), "knee": np.linspace(0, 2.2, 25), "ankle": [0, 0.5]}
+    grid = Grid({name: np.asarray(values) for name, values in axes.items()})
+    difference = np.abs(solved(LEG, grid, kick)[0] - solved(LEG, grid, kick, 1e-5)[0]).max(axis=1)
+    assert 0 < difference[CARRY] <= 1e-5
+    assert not np.delete(difference, CARRY).any()

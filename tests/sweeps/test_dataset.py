@@ -87,6 +87,7 @@ NEXT = AXES | {"knee": np.nextafter(AXES["knee"], 1.0)}
     ({}, None), ({"axes": {"hip": AXES["hip"]}}, ["joints", "hip, knee"]),
     ({"axes": NEXT}, ["knee"]), ({"leg": heavier(1.1)}, ["model", "masses"]),
     ({"kick": replace(KICK, speed=2.0)}, ["foot_speed_m_s", "1.0", "2.0"]),
+    ({"kick": replace(KICK, attack=np.nextafter(0.3, 1.0))}, ["attack_rad"]),
     ({"kick": airy(drag=drag(0.2))}, ["air"]),
     ({"kick": airy(density=kd.Air().density + 1e-9)}, ["air", "functions"]),
     ({"kick": replace(KICK, restitution=0.8 + 1e-14)}, None),

@@ -91,17 +91,18 @@ def test_best_and_worst_are_the_extremes_of_the_possible_postures():
 
 def test_the_report_compares_with_pinocchio(report, monkeypatch):
     assert max(sweep_report.pinocchio_differences(report[3])) < closed_form()
-    exact = sweep_report.strike_by_pinocchio
+    exact, calls, (*_, summary, lines) = sweep_report.strike_by_pinocchio, [], report
 
     def wrong(*kick):
-        hit = exact(*kick)
-        return SimpleNamespace(impulse=hit.impulse * (1 + 3e-7))
+        calls.append(3e-7 - 1e-8 * (len(calls) % len(lines)))
+        return SimpleNamespace(impulse=exact(*kick).impulse * (1 + calls[-1]))
 
     monkeypatch.setattr(sweep_report, "strike_by_pinocchio", wrong)
-    assert max(sweep_report.pinocchio_differences(report[3])) == pytest.approx(
-        3e-7, rel=closed_form(1 / 3e-7)
-    )
-    assert "1e-05" in sweep_report.text(report[2], report[3], 200)
+    differences = sweep_report.pinocchio_differences(lines)
+    assert differences == pytest.approx(calls, rel=closed_form(1 / 3e-7))
+    document = sweep_report.as_json(LEG, KICK, summary, lines)
+    assert document["pinocchio_difference"] == pytest.approx(3e-7, rel=closed_form(1 / 3e-7))
+    assert "1e-05" in sweep_report.text(summary, lines, 200)
     assert sweep_report.pinocchio_differences([]) == []
 
 

@@ -15,9 +15,6 @@ import kickdyn as kd
 POSITIVE = st.floats(1e-3, 50.0)
 
 
-# --- the ball -----------------------------------------------------------------------------------
-
-
 @settings(max_examples=25)
 @given(mass=POSITIVE, radius=st.floats(1e-3, 1.9), factor=st.floats(0.1, 2 / 3))
 def test_constants_follow_from_mass_radius_and_inertia_factor(mass, radius, factor):
@@ -120,9 +117,6 @@ def test_every_result_warns_of_a_ball_in_other_units(call):
 def test_an_obstacle_is_for_impacts_only(call):
     with pytest.raises(kd.InvalidInput, match=r"ball mass is inf.*finite mass"):
         call(kd.Ball(math.inf))
-
-
-# --- its states ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("velocity", "speed", "elevation_deg"), [

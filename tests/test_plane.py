@@ -21,9 +21,6 @@ def launch(velocity, at=(0, 0, 0), spin=(0, 0, 0)):
     return kd.BallState(at, velocity, spin)
 
 
-# --- the noun -----------------------------------------------------------------------------------
-
-
 @settings(max_examples=25)
 @given(point=st.tuples(*[st.floats(-9, 9)] * 3), normal=st.tuples(*[st.floats(-9, 9)] * 3),
     metre=st.sampled_from([1e-6, 1.0, 1e6]), depth=st.floats(0.5, 9),
@@ -60,9 +57,6 @@ def test_a_goal_line_is_upright_and_not_reached_by_the_front(normal, part, answe
 def test_refusals(arguments, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.Plane(*arguments)
-
-
-# --- flights that end at a plane ------------------------------------------------------------------
 
 
 @settings(max_examples=25)
@@ -127,9 +121,6 @@ def test_a_ball_that_starts_on_a_plane_flies_only_away_from_it(air, velocity, no
     path = kd.fly(launch(velocity), BALL, air, kd.Ground(-3), plane=plane)
     assert path.status == status
     assert (path.duration > 0) == (status == "landed")
-
-
-# --- on the ground ------------------------------------------------------------------------------
 
 
 def test_rolling_to_a_wall_has_a_closed_form():

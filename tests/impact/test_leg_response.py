@@ -34,20 +34,22 @@ def test_every_body_gains_what_acts_on_it(kind, seed, offset):
     rng = np.random.default_rng(seed)
     makers = {"chain": random_leg, "floating": floating_leg}
     leg = makers[kind](rng) if kind in makers else getattr(kd.Leg, kind)()
-    if kind == "floating":
-        kick, options = any_kick(rng, leg, friction=0.4)
-    else:
-        kick, options = random_kick(rng, leg, friction=0.4)
+    maker = any_kick if kind == "floating" else random_kick
+    (posture, v, ball, contact), options = maker(rng, leg, friction=0.4)
+    touched = posture
     if offset:
-        posture, v, ball, _ = kick
         lever = rng.uniform(-0.2, 0.2, size=3)
-        closing = posture.with_contact_offset(lever).point_velocity(v) - options["ball_velocity"]
-        kick = posture, v, ball, kd.Contact(closing, 0.7, 0.4, lever)
-    impact = kd.strike(*kick, **options)
+        touched = posture.with_contact_offset(lever)
+        closing = touched.point_velocity(v) - options["ball_velocity"]
+        contact = kd.Contact(closing, 0.7, 0.4, lever)
+    impact = kd.strike(posture, v, ball, contact, **options)
+    centre = touched.contact_point + ball.radius * contact.normal
+    agrees(impact.ball_after.position, centre, closed_form())
+    agrees(impact.foot_velocity, touched.point_velocity(v), closed_form(10))
     check_bodies(impact)
     jump = np.linalg.solve(impact.posture.inertia, -impact.posture.jacobian.T @ impact.impulse)
     condition = np.linalg.cond(impact.posture.inertia)
-    agrees(impact.v_after - kick[1], jump, closed_form(condition))
+    agrees(impact.v_after - v, jump, closed_form(condition))
 
 
 @pytest.mark.parametrize("name", FREE | STANDING)

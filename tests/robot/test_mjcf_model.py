@@ -122,8 +122,6 @@ def test_random_models_move_and_weigh_as_in_mujoco(tmp_path_factory, seed, kinds
     check_against_mujoco(file, leg, frame, draw)
 
 
-# --- settings of the format ---
-
 ARM = '<body name="arm"><joint name="j" axis="0 1 0"/>{}</body>'
 BALL = '<geom type="sphere" size="0.1" pos="0 0 -1" mass="2"/>'
 

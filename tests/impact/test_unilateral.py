@@ -118,7 +118,8 @@ def test_footing_by_the_velocities_of_the_corners():
     rise, slide = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
     for velocities, motion in (
         (np.zeros((4, 3)), "stands"),
-        (1e-11 * np.ones((4, 3)), "stands"),
+        (0.9e-9 * loose.approach_speed * np.tile(slide + rise, (4, 1)), "stands"),
+        (1.1e-9 * loose.approach_speed * np.tile(slide, (4, 1)), "slips"),
         (np.tile(slide, (4, 1)), "slips"),
         (np.outer([1, 1, 0, 0], rise), "tips"),
         (np.tile(rise + slide, (4, 1)), "lifts-off"),

@@ -9,7 +9,7 @@ from extremes import extreme_impacts
 from references.exact_impact import exact_impact, given
 
 import kickdyn as kd
-from kickdyn.impact.rounding import digits_left
+from kickdyn.impact.rounding import _spread, digits_left
 
 HARSH = [*extreme_impacts.heavy_balls(), *list(extreme_impacts.cancellations())[:4],
          *extreme_impacts.short_links(), *extreme_impacts.masses()]  # fmt: skip
@@ -44,6 +44,13 @@ def test_digits_fall_with_what_cancels():
     np.testing.assert_allclose(np.diff(digits), np.diff(np.log10(speeds)), atol=0.3)
     heavy = [kick.impact().digits for kick in list(extreme_impacts.heavy_balls())[1::2]]
     assert np.diff(heavy).max() < -2
+
+
+def test_the_speeds_that_cancel_are_those_along_the_links():
+    """Of thigh, shank and foot of 0.371, 0.443 and 0.145 m, however they are bent."""
+    posture, v = kd.Leg.human().posture([0.4, 1.5, 0.1]), np.array([[2.0, 0.0], [-3, 1], [4, 0]])
+    right = [2 * (0.371 + 0.443 + 0.145) + 3 * (0.443 + 0.145) + 4 * 0.145, 0.443 + 0.145]
+    assert _spread(posture, v) == pytest.approx(right)
 
 
 def test_digits_are_those_of_float64():

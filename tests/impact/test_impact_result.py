@@ -80,6 +80,7 @@ def test_derived_results_follow_from_their_definitions():
     assert impact.effective_mass == pytest.approx(mass, rel=closed_form(posture.condition))
     assert impact.speed_ratio == pytest.approx(ball.speed / np.linalg.norm(foot), rel=closed_form())
     assert impact.restitution_residual == pytest.approx(residual, abs=closed_form(10))
+    assert impact.solution.residual == 0.0  # of a closed form
     assert kd.strike(posture, 0 * kick[1], *kick[2:], ball_velocity=-n).speed_ratio == np.inf
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 import kickdyn as kd
+from kickdyn.robot.urdf_file import shipped_urdf
 
 
 def random_rotation(rng):
@@ -19,27 +20,47 @@ def random_inertia(rng, share=1.0):
     return pin.Inertia(share * mass, share * lever, share**3 * moments)
 
 
+def at(x, y, z):
+    """A place without a turn."""
+    return pin.SE3(np.eye(3), np.array([x, y, z], float))
+
+
+def serial(joints, toe, name="chain"):
+    """A pin.Model of joints one after the other, with a frame `toe` on the last one.
+
+    Each is its name, its joint, its place on the one before, and its body.
+    """
+    model, parent = pin.Model(), 0
+    model.name = name
+    for joint, kind, place, body in joints:
+        parent = model.addJoint(parent, kind, place, joint)
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+    model.addFrame(pin.Frame("toe", parent, 0, toe, pin.FrameType.OP_FRAME))
+    return model
+
+
+def fourbar():
+    """A knee of two crossed rockers between thigh and shank, closed."""
+    tree = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
+    return tree.with_loops(("shank_pin", "rocker_b_tip"))
+
+
 def random_leg(rng, joints=None, last=1.0):
     """A leg of revolute joints about any axis, now and then a prismatic one.
 
     The last body's mass and lengths are `last` times what they would be.
     """
-    model = pin.Model()
-    model.name = "chain"
-    parent = 0
-    count = joints or rng.integers(1, 8)
+    links, count = [], joints or rng.integers(1, 8)
     for k in range(count):
         axis = rng.normal(size=3)
         axis /= np.linalg.norm(axis)
         kind = pin.JointModelPrismaticUnaligned if rng.random() < 0.15 else None
         kind = kind or pin.JointModelRevoluteUnaligned
         offset = pin.SE3(random_rotation(rng), rng.uniform(-0.4, 0.4, size=3))
-        parent = model.addJoint(parent, kind(axis), offset, f"joint{k + 1}")
         body = random_inertia(rng, last if k == count - 1 else 1.0)
-        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        links.append((f"joint{k + 1}", kind(axis), offset, body))
     tip = pin.SE3(random_rotation(rng), last * rng.uniform(0.1, 0.4, size=3))
-    model.addFrame(pin.Frame("toe", parent, 0, tip, pin.FrameType.OP_FRAME))
-    return kd.Leg.from_model(model, "toe")
+    return kd.Leg.from_model(serial(links, tip), "toe")
 
 
 def random_kick(rng, leg, **contact):
@@ -73,16 +94,11 @@ def any_kick(rng, leg, **contact):
 
 def floating_leg(rng):
     """A free base, a continuous joint (cos, sin) and a hinge."""
-    model = pin.Model()
-    places = [pin.SE3(random_rotation(rng), rng.uniform(-0.4, 0.4, size=3)) for _ in range(3)]
-    base = model.addJoint(0, pin.JointModelFreeFlyer(), places[0], "base")
-    hip = model.addJoint(base, pin.JointModelRUBX(), places[1], "hip")
-    knee = model.addJoint(hip, pin.JointModelRY(), places[2], "knee")
-    for joint in (base, hip, knee):
-        model.appendBodyToJoint(joint, random_inertia(rng), pin.SE3.Identity())
-    tip = pin.SE3(np.eye(3), np.array([0.1, 0.2, -0.3]))
-    model.addFrame(pin.Frame("toe", knee, 0, tip, pin.FrameType.OP_FRAME))
-    return kd.Leg.from_model(model, "toe")
+    kinds = pin.JointModelFreeFlyer(), pin.JointModelRUBX(), pin.JointModelRY()
+    places = [pin.SE3(random_rotation(rng), rng.uniform(-0.4, 0.4, size=3)) for _ in kinds]
+    bodies = [random_inertia(rng) for _ in kinds]
+    joints = zip(("base", "hip", "knee"), kinds, places, bodies, strict=True)
+    return kd.Leg.from_model(serial(joints, at(0.1, 0.2, -0.3)), "toe")
 
 
 def floating_kick(rng, **contact):
@@ -92,25 +108,21 @@ def floating_kick(rng, **contact):
 
 def free_body(mass=1.95):
     """A body without support or gravity, whose contact frame is beside its centre of mass."""
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
+    here = pin.SE3.Identity()
     body = pin.Inertia(mass, np.array([-0.05, 0.01, 0.02]), np.diag([0.01, 0.02, 0.015]))
-    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-    model.addFrame(pin.Frame("toe", joint, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    model = serial([("free", pin.JointModelFreeFlyer(), here, body)], here)
     model.gravity = pin.Motion.Zero()
     return kd.Leg.from_model(model, "toe").posture([0, 0, 0, 0, 0, 0, 1])
 
 
 def rails(axes="x", mass=2.0, gravity=False):
     """A mass that slides along each of some axes; the carriages between hardly weigh anything."""
-    model, parent = pin.Model(), 0
+    joints, here = [], pin.SE3.Identity()
     for axis in axes:
-        kind = getattr(pin, f"JointModelP{axis.upper()}")()
-        parent = model.addJoint(parent, kind, pin.SE3.Identity(), f"rail_{axis}")
         body = mass if axis == axes[-1] else 1e-9
         inertia = pin.Inertia(body, np.zeros(3), 0.01 * np.eye(3))
-        model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
-    model.addFrame(pin.Frame("toe", parent, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+        joints.append((f"rail_{axis}", getattr(pin, f"JointModelP{axis.upper()}")(), here, inertia))
+    model = serial(joints, here)
     if not gravity:
         model.gravity = pin.Motion.Zero()
     return kd.Leg.from_model(model, "toe")

@@ -145,8 +145,9 @@ def random_strikes(rng, leg, n, speed_table=False):
     contacts, balls = [], []
     for _ in range(n):
         e = [(2.0, 0.8), (20.0, 0.5)] if speed_table else rng.uniform(0, 1)
-        friction = float(rng.choice([0.0, 0.2, 2.0]))
+        friction = float(rng.choice([0.0, 0.05, 0.3, 2.0]))
         contacts.append(kd.Contact(rng.normal(size=3), e, friction, 0.02 * rng.normal(size=3)))
-        balls.append(kd.Ball(*rng.uniform((0.2, 0.05, 0.3), (0.6, 0.15, 0.6))))
+        factor = rng.choice([np.inf, rng.uniform(0.3, 0.6)])
+        balls.append(kd.Ball(*rng.uniform((0.2, 0.05), (0.6, 0.15)), factor))
     motion = {"ball_velocity": rng.normal(size=(n, 3)), "ball_spin": 20 * rng.normal(size=(n, 3))}
     return q, v, balls, contacts, motion

@@ -37,12 +37,8 @@ def reweighed(leg, step):
         if numbers[0]:
             numbers *= 1 + step[i - 1] / numbers[0]
         model.inertias[i] = pin.Inertia.FromDynamicParameters(numbers)
-    new = kd.Leg(model, leg.frame)
-    if leg.constraints and leg.constraints.loops:
-        new = new.with_loops(*leg.constraints.loops)
-    if leg.constraints and leg.constraints.supports:
-        new = new.with_supports(*leg.constraints.supports)
-    return new
+    new = kd.Leg(model, leg.frame).with_stiff_joints(*leg.stiff_joints)
+    return new.with_loops(*leg.loops).with_supports(*leg.supports)
 
 
 def margin(impact):

@@ -11,27 +11,21 @@ from kickdyn.air import AIRS, viscosity_of
 
 MODELS = {"drag": drag.MODELS, "lift": lift.MODELS, "torque": spin_decay.MODELS}
 
-# U.S. Standard Atmosphere 1976, tables of temperature, pressure and density by altitude
-ATMOSPHERE = [(0, 288.15, 101_325, 1.2250), (2000, 275.154, 79_501, 1.0066),
-              (10_000, 223.252, 26_500, 0.41351)]  # fmt: skip
+# U.S. Standard Atmosphere 1976, tables by altitude: temperature, pressure, density and viscosity
+ATMOSPHERE = [
+    (0, 288.15, 101_325, 1.2250, 1.7894e-5), (2000, 275.154, 79_501, 1.0066, 1.7260e-5),
+    (10_000, 223.252, 26_500, 0.41351, 1.4577e-5)]  # fmt: skip
 
 
-@pytest.mark.parametrize(("altitude", "kelvin", "pressure", "density"), ATMOSPHERE)
-def test_air_at_an_altitude(altitude, kelvin, pressure, density):
+@pytest.mark.parametrize(("altitude", "kelvin", "pressure", "density", "viscosity"), ATMOSPHERE)
+def test_air_at_an_altitude(altitude, kelvin, pressure, density, viscosity):
     air = kd.Air.at(altitude)
     assert air.density == pytest.approx(density, rel=1e-4)  # digits of the tables
     assert air.viscosity == pytest.approx(viscosity_of(kelvin), rel=1e-5)
+    assert air.viscosity == pytest.approx(viscosity, rel=1e-4)
     same = kd.Air.at(0, kelvin - 273.15, pressure)
     assert same.density == pytest.approx(density, rel=1e-4)
     assert same.viscosity == pytest.approx(air.viscosity, rel=1e-5)
-
-
-# U.S. Standard Atmosphere 1976, table of dynamic viscosity: at 0, 2 and 10 km
-@pytest.mark.parametrize(
-    ("kelvin", "viscosity"), [(288.15, 1.7894e-5), (275.154, 1.7260e-5), (223.252, 1.4577e-5)]
-)
-def test_viscosity_is_sutherland_s(kelvin, viscosity):
-    assert viscosity_of(kelvin) == pytest.approx(viscosity, rel=1e-4)
 
 
 def test_the_default_is_at_20_degrees_and_sea_level():

@@ -15,9 +15,6 @@ import kickdyn as kd
 POSITIVE = st.floats(1e-3, 50.0)
 
 
-# --- the ball -----------------------------------------------------------------------------------
-
-
 @settings(max_examples=25)
 @given(mass=POSITIVE, radius=st.floats(1e-3, 1.9), factor=st.floats(0.1, 2 / 3))
 def test_constants_follow_from_mass_radius_and_inertia_factor(mass, radius, factor):
@@ -122,19 +119,10 @@ def test_an_obstacle_is_for_impacts_only(call):
         call(kd.Ball(math.inf))
 
 
-# --- its states ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("velocity", "speed", "elevation_deg"),
-    [
-        ((0, 0, 0), 0, 0),
-        ((3, 0, 4), 5, math.degrees(math.atan2(4, 3))),
-        ((-3, 0, 4), 5, math.degrees(math.atan2(4, 3))),  # it flies back, and upwards
-        ((0, 2, -2), math.sqrt(8), -45),
-        ((0, 0, 1), 1, 90),
-    ],
-)
+@pytest.mark.parametrize(("velocity", "speed", "elevation_deg"), [
+    ((0, 0, 0), 0, 0), ((0, 2, -2), math.sqrt(8), -45), ((0, 0, 1), 1, 90),
+    ((3, 0, 4), 5, math.degrees(math.atan2(4, 3))),
+    ((-3, 0, 4), 5, math.degrees(math.atan2(4, 3)))])  # it flies back  # fmt: skip
 def test_speed_and_elevation(velocity, speed, elevation_deg):
     one, many = kd.BallState(velocity=velocity), kd.BallState(velocity=[velocity, (1, 0, 0)])
     assert (type(one.speed), type(one.elevation)) == (float, float)

@@ -43,15 +43,6 @@ def test_a_contact_keeps_copies_that_cannot_be_changed():
         contact.friction = 0.1
 
 
-def test_equal_numbers_make_equal_contacts():
-    contact = kd.Contact(**GOOD, offset=(0.1, 0, 0))
-    same = kd.Contact((2, 0, 0), 0.8, 0.4, (0.1, 0, 0))
-    others = [kd.Contact(**GOOD), kd.Contact((1, 0, 0), 0.7, 0.4, (0.1, 0, 0))]
-    assert contact == same
-    assert len({contact, same, *others}) == 3
-    assert contact != "contact"
-
-
 def test_an_impact_needs_a_normal():
     open_contact, leg = kd.Contact(restitution=0.7, friction=0.2), kd.Leg.human()
     posture, v = leg.posture([0.1, -0.4, 0.2]), [1.0, 2.0, 0.0]

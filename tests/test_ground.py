@@ -47,6 +47,15 @@ def test_surfaces_are_found_by_name_and_have_a_source():
     assert kd.Ground() == kd.Ground(0.0, None)
 
 
+def test_friction_is_that_of_leather_or_of_turf():
+    """0.37 to 0.45 on most match balls (Proceedings 2020, 49(1):92); steel rolls as a floor."""
+    for name in ("wet-grass", "hard-floor", "steel"):
+        assert 0.40 - 0.005 < SURFACES[name].friction < 0.42
+    steel, floor = SURFACES["steel"], SURFACES["hard-floor"]
+    assert steel.rolling_deceleration == floor.rolling_deceleration
+    assert SURFACES["carpet"].friction == SURFACES["turf"].friction
+
+
 @pytest.mark.parametrize(("make", "words"), [
     *((lambda v=v: kd.Ground(v), "ground height is") for v in (math.nan, math.inf, "0", True)),
     (lambda: kd.Ground(surface="ice"), "'ice'.*choose turf"),

@@ -184,10 +184,6 @@ class PatchForce:
         """Return 0: the ball keeps no dent."""
         return 0.0
 
-    def deflection(self, travel: float) -> float:
-        """Return the deflection at a travel of the centre [m]."""
-        return travel
-
 
 class PatchContact(CompliantContact):
     r"""Leg and ball with a patch: the column has two more entries, the shear of the patch [m].

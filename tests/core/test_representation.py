@@ -54,6 +54,7 @@ def test_contacts_and_states_are_equal_by_value_and_their_copies_read_only():
         arrays = [value for value in vars(copy.copy(one)).values() if isinstance(value, np.ndarray)]
         assert arrays
         assert not any(array.flags.writeable for array in arrays)
-    assert pairs[0][0] != kd.Contact((0, 0, 1), 0.8, offset=(0, 0, 0))
-    assert pairs[0][0] != kd.Contact((0, 1, 0), 0.8)
+    for other in (((0, 0, 1), 0.8, 0.0, (0, 0, 0)), ((0, 1, 0), 0.8), ((0, 0, 1), 0.7),
+                  ((0, 0, 1), 0.8, 0.1)):  # fmt: skip
+        assert pairs[0][0] != kd.Contact(*other)
     assert pairs[2][0] != kd.BallState(velocity=(1, 1, 1))

@@ -44,9 +44,8 @@ FUNCTIONS = (kd.strike, strike_by_pinocchio, kd.collide, kd.unilateral_strike)
     ),
 ])  # fmt: skip
 def test_bad_input(function, change, error, words):
-    with pytest.raises(error, match=words) as caught:
+    with pytest.raises(error, match=words):
         function(**(KICK | change))
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("metre", [2.0**-30, 1.0, 2.0**30])

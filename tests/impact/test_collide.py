@@ -6,13 +6,21 @@ import pickle
 
 import numpy as np
 import pytest
-from chains import floating_kick, in_units, kinetic_energy, momentum, rails, random_kick, random_leg
+from chains import (
+    floating_kick,
+    fourbar,
+    in_units,
+    kinetic_energy,
+    momentum,
+    rails,
+    random_kick,
+    random_leg,
+)
 from scipy.integrate import solve_ivp
 from tolerances import agrees, closed_form, integrated
 
 import kickdyn as kd
 from kickdyn.impact import compliant_contact
-from kickdyn.robot.urdf_file import shipped_urdf
 
 LEG = kd.Leg.human()
 Q = np.radians([5, 10, -5])
@@ -213,12 +221,10 @@ def test_the_instant_is_the_limit(name):
 
 
 BOLT = kd.Leg.from_robot("bolt", base="floating")
-FOURBAR = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
-FOURBAR = FOURBAR.with_loops(("shank_pin", "rocker_b_tip"))
 HELD = {
     "sole": BOLT.with_supports("FL_FOOT"),
     "point": BOLT.with_supports(kd.Support("FL_FOOT", point=True)),
-    "loop": FOURBAR,
+    "loop": fourbar(),
 }
 
 
@@ -330,9 +336,8 @@ def test_a_copy_runs_again_to_the_same_digits(options):
     ({"ball": kd.Ball(math.inf)}, "mass is inf"), ({"model": "disc"}, "model is 'disc'")
 ])  # fmt: skip
 def test_bad_input(options, words):
-    with pytest.raises(kd.InvalidInput, match=words) as caught:
+    with pytest.raises(kd.InvalidInput, match=words):
         human(**options)
-    assert "\n" not in str(caught.value)
 
 
 def test_contacts_that_cannot_be_integrated_are_refused(monkeypatch):

@@ -1,7 +1,6 @@
-"""Impulses at several contacts: the laws themselves, law `newton`, and Pinocchio's ADMM."""
+"""Impulses at several contacts: the laws themselves, and law `newton`."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from contacts import LegAndBall, by_newton
 from tolerances import agrees, differenced, optimized
@@ -23,13 +22,13 @@ def test_one_contact_is_newtons_law(seed, friction):
     agrees(impulse, by_newton(problem).impulse, optimized(1e-10))
 
 
-def contacts(seed, count, decades=0.0, frictions=FRICTIONS):
+def contacts(seed, count, decades=0.0):
     """Any positive definite matrix, coupled, its rows up to `decades` apart in size."""
     rng = np.random.default_rng(seed)
     rows = rng.normal(size=(3 * count, 3 * count + 2))
     rows *= 10 ** rng.uniform(-decades / 2, decades / 2, size=(3 * count, 1))
     free = rng.normal(size=3 * count) * np.linalg.norm(rows, axis=1)
-    return rows @ rows.T, free, np.array(rng.choice(frictions, size=count))
+    return rows @ rows.T, free, np.array(rng.choice(FRICTIONS, size=count))
 
 
 def obeys(delassus, free, frictions, p):
@@ -61,38 +60,6 @@ def test_any_friction_and_any_scale(count, decades):
             opens = p[2] <= 1e-9 * np.abs(impulses).max()
             states.add("open" if opens else "slip" if sliding > 1e-6 else "stick")
     assert decades or count == 1 or states == {"open", "slip", "stick"}
-
-
-def admm(delassus, free, frictions):
-    """The impulses by Pinocchio, converged or not."""
-    body, here, models = pin.Model(), pin.SE3.Identity(), pin.StdVec_ConstraintModel()
-    body.addJoint(0, pin.JointModelFreeFlyer(), here, "any")
-    for friction in frictions:
-        point = pin.PointContactConstraintModel(body, 1, here, 0, here)
-        point.setFriction(float(friction))
-        models.append(pin.ConstraintModel(point))
-    data = pin.StdVec_ConstraintData()
-    for model in models:
-        data.append(model.createData())
-    options, result = pin.ADMMSolverSettings(), pin.ADMMSolverResult()
-    options.max_iterations = 20_000
-    for kind in ("feasibility", "complementarity"):
-        setattr(options, f"absolute_{kind}_tol", 1e-13)
-        setattr(options, f"relative_{kind}_tol", 1e-13)
-    operator = pin.DelassusOperatorDense(np.asfortranarray(delassus))
-    pin.ADMMConstraintSolver(len(free)).solve(operator, free, models, data, options, result)
-    return np.array(result.retrieveConstraintImpulses())
-
-
-def test_where_admm_converges_they_agree():
-    converged = 0
-    for seed in range(12):
-        problem = contacts(seed, 3, frictions=[0.0, 0.2, 0.5])
-        expected = admm(*problem)
-        if obeys(*problem, expected):
-            converged += 1
-            agrees(solve_cones(*problem)[0], expected, optimized(1e-8))
-    assert converged > 8
 
 
 @pytest.mark.parametrize(("free", "solution", "others"), [

@@ -124,3 +124,14 @@ def test_a_speed_beyond_the_model_is_warned_of(speed, warned, model):
     share = collision.flattening / BALL.radius
     assert (share > 0.6) is warned
     assert any(f"{share:.3f} of its radius" in line for line in collision.warnings) is warned
+
+
+@pytest.mark.parametrize(("speed", "warned"), [(17.0, False), (18.0, True)])
+def test_a_spring_beyond_its_range_is_warned_of(speed, warned):
+    """From 0.4 of the radius on; the spring of an inflated ball is linear."""
+    contact = kd.Contact((1, 0, 0), 0.7)
+    collision = head_on(speed, contact=contact, tol=1e-6, stiffness="pressure")
+    mass = 1 / (1 / 1.95 + 1 / BALL.mass)
+    share = speed * math.sqrt(mass / BALL.stiffness) / BALL.radius
+    assert (share > 0.4) is warned
+    assert any(f"{share:.2f} of its radius" in line for line in collision.warnings) is warned

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import random_kick
+from chains import at, rails, random_kick, serial
 from scipy.integrate import quad
 from tolerances import agrees, closed_form
 
@@ -38,15 +38,10 @@ def test_parts_add_up_and_only_rotors_act_along_the_axis():
 
 def test_axes_are_those_of_the_impacts_posture():
     """A universal joint's second axis turns with its first angle; the leg has moved since."""
-    model, parent = pin.Model(), 0
     universal = pin.JointModelUniversal(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
-    place = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.4]))
-    for name, kind in (("hip", universal), ("knee", pin.JointModelRY())):
-        parent = model.addJoint(parent, kind, place, name)
-        body = pin.Inertia(2.0, np.array([0.0, 0.05, -0.2]), 0.02 * np.eye(3))
-        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-    model.addFrame(pin.Frame("toe", parent, 0, place, pin.FrameType.OP_FRAME))
-    leg = kd.Leg.from_model(model, "toe")
+    place, body = at(0, 0, -0.4), pin.Inertia(2.0, np.array([0, 0.05, -0.2]), 0.02 * np.eye(3))
+    joints = ("hip", universal, place, body), ("knee", pin.JointModelRY(), place, body)
+    leg = kd.Leg.from_model(serial(joints, place), "toe")
     posture = leg.posture([0.7, -0.4, 0.5])
     v = posture.joint_velocity((3.0, 1.0, 0.5))
     impact = kd.strike(posture, v, kd.Ball(), kd.Contact((3.0, 1.0, 0.5), 0.8))
@@ -65,6 +60,19 @@ def test_the_peak_is_that_of_half_a_sine_with_the_same_impulse():
         linear, angular = np.linalg.norm(impulse[:3]), np.linalg.norm(impulse[3:])
         assert load.peak_force == pytest.approx(linear / sine, rel=closed_form(10))
         assert load.peak_moment == pytest.approx(angular / sine, rel=closed_form(10))
+
+
+def test_a_load_shows_its_linear_parts_and_the_peak_of_both():
+    """A rotor behind a slide takes its momentum along the axis; bearings take the rest."""
+    leg = rails("xy").with_armature({"rail_x": 0.7})
+    kick = leg.posture([0.0, 0.0]), [9.0, 2.0], kd.Ball(), kd.Contact((3, 1, 2), 0.8)
+    hit = kd.strike(*kick)
+    rotor = 0.7 * (9.0 - hit.v_after[0])
+    linear = hit.joint_impulses[0, :3]
+    across = math.hypot(linear[0] - rotor, *linear[1:])
+    peak = math.pi / 2 * math.hypot(*linear) / 0.01
+    text = f"JointLoad(rail_x: {across:.4g} N s, {rotor:.4g} N s along the axis, peak {peak:.4g} N)"
+    assert str(kd.joint_loads(hit, 0.01)["rail_x"]) == text
 
 
 @pytest.mark.parametrize(("time", "words"), [

@@ -3,31 +3,31 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import any_kick
+from chains import any_kick, at, fourbar, random_leg, serial
 from nudges import RESULTS, by_differences, margin
 from tolerances import agrees, differenced
 
 import kickdyn as kd
 from kickdyn.impact.sensitivity import UNITS
-from kickdyn.robot.urdf_file import shipped_urdf
 
 SOLE, HANDS = "left_ankle_roll_link", ("left_wrist_yaw_link", "right_wrist_yaw_link")
 G1 = kd.Leg.from_robot("g1", base="floating")
 BOLT = kd.Leg.from_robot("bolt", base="floating")
-FOURBAR = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
 LEGS = {
     "flat foot": G1.with_supports(SOLE),
     "point foot": BOLT.with_supports(kd.Support("FL_FOOT", point=True)),
     "foot, and hands joined": G1.with_loops(HANDS).with_supports(SOLE),
     "redundant supports": G1.with_supports(SOLE, kd.Support("left_ankle_pitch_link", point=True)),
-    "loop in a plane": FOURBAR.with_loops(("shank_pin", "rocker_b_tip")),
+    "loop in a plane": fourbar(),
+    "loop and stiff hip in a plane": fourbar().with_stiff_joints("hip"),
+    "stiff chain": random_leg(np.random.default_rng(5), 5).with_stiff_joints("joint2", "joint4"),
 }
 
 
 def some_kick(name, friction, seed=3):
     leg, rng = LEGS[name], np.random.default_rng(seed)
     (posture, v, ball, contact), options = any_kick(rng, leg, friction=friction)
-    if name == "loop in a plane":  # across the plane, nothing moves
+    if name.endswith("in a plane"):  # across the plane, nothing moves
         q = leg.close_loops(leg.configuration({"hip": 0.2, "rocker_b": 0.4}), keep=("rocker_b",))
         posture = leg.posture(q)
         v = posture.admissible(np.array([3.0, 2.0, 1.0, -2.0, 4.0]))
@@ -79,14 +79,9 @@ STEADY = [pin.JointModelSpherical(), pin.JointModelRUBY(), pin.JointModelHX(0.1)
 
 def strike_with(hip):
     """A thigh on some joint, and a shank on a hinge."""
-    model, down = pin.Model(), pin.SE3(np.eye(3), np.array([0, 0, -0.4]))
-    body = pin.Inertia(1.0, np.array([0, 0, -0.2]), np.diag([0.02, 0.02, 0.01]))
-    thigh = model.addJoint(0, hip, pin.SE3.Identity(), "hip")
-    knee = model.addJoint(thigh, pin.JointModelRY(), down, "knee")
-    for joint in (thigh, knee):
-        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-    model.addFrame(pin.Frame("toe", knee, 0, down, pin.FrameType.OP_FRAME))
-    leg = kd.Leg.from_model(model, "toe")
+    down, body = at(0, 0, -0.4), pin.Inertia(1.0, np.array([0, 0, -0.2]), np.diag([2, 2, 1]) / 100)
+    joints = ("hip", hip, at(0, 0, 0), body), ("knee", pin.JointModelRY(), down, body)
+    leg = kd.Leg.from_model(serial(joints, down), "toe")
     posture, v = leg.posture(leg.configuration({"knee": 0.4})), np.arange(1.0, 1.0 + leg.nv)
     return kd.strike(posture, v, kd.Ball(), kd.Contact(posture.point_velocity(v), 0.7))
 

@@ -1,17 +1,15 @@
-"""Joint impulses against Newton and Euler for every body, and one dense system for the jump."""
+"""Joint impulses against Newton and Euler for every body, and against Pinocchio."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from chains import any_kick, constraint_speed, floating_leg, random_kick, random_leg
-from stacked import held_rows, inertia_of, rows_of, solved
-from tolerances import agrees, closed_form, integrated
+from bodies import check_bodies
+from chains import any_kick, constraint_speed, floating_leg, fourbar, random_kick, random_leg
+from tolerances import agrees, closed_form
 
 import kickdyn as kd
 from kickdyn.impact.leg_response import NO_CONSTRAINTS, response_to_jump
 from kickdyn.impact.pinocchio_engine import strike_by_pinocchio
 from kickdyn.robot.catalog import ROBOTS
-from kickdyn.robot.urdf_file import shipped_urdf
 
 FREE = {
     f"{name} {base}": kd.Leg.from_robot(name, base=base, legs_only=name in ("icub", "romeo"))
@@ -27,47 +25,6 @@ STANDING = {
     for kind in ("a sole", "a point")
     if not (leg.name == "bolt" and kind == "a sole")
 }
-LOOP = ("shank_pin", "rocker_b_tip")
-FOURBAR = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf")).with_loops(LOOP)
-
-
-def external_impulses(impact):
-    """Impulse from outside on each body, about the world's origin: ball, ground and loops."""
-    posture = impact.posture
-    leg, model = posture.leg, posture.leg.model
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, posture.q)
-    total = np.zeros((model.njoints, 6))
-
-    def add(joint, point, linear, angular=(0.0, 0.0, 0.0)):
-        total[joint] += np.concatenate([linear, np.cross(point, linear) + angular])
-
-    add(leg.contact_joint, posture.contact_point, -impact.impulse)
-    frames = {frame.name: k for k, frame in enumerate(model.frames)}
-    for name, impulse in impact.support_impulses.items():
-        k, angular = frames[name], impulse[3:] if len(impulse) == 6 else np.zeros(3)
-        add(model.frames[k].parentJoint, data.oMf[k].translation, impulse[:3], angular)
-    for names, impulse in impact.loop_impulses.items():
-        for name, sign in zip(names, (-1.0, 1.0), strict=True):
-            k = frames[name]
-            add(model.frames[k].parentJoint, data.oMf[k].translation, sign * impulse)
-    return total
-
-
-def check_bodies(impact):
-    """The momentum of each body changes by what its joints and the outside give it."""
-    model = impact.posture.leg.model
-    data, jump = model.createData(), impact.v_after - impact.v_before
-    pin.forwardKinematics(model, data, impact.posture.q, jump)
-    net = external_impulses(impact)
-    gained = np.zeros_like(net)
-    for i in range(1, model.njoints):
-        transmitted = data.oMi[i].act(pin.Force(impact.joint_impulses[i - 1])).vector
-        net[i] += transmitted
-        net[model.parents[i]] -= transmitted
-        gained[i] = data.oMi[i].act(model.inertias[i] * data.v[i]).vector
-    agrees(net[1:], gained[1:], closed_form(100) * (1 + np.abs(net).max() / np.abs(gained).max()))
-    assert impact.momentum_residual <= closed_form(10)
 
 
 @pytest.mark.parametrize("offset", [False, True], ids=["", "offset"])
@@ -77,20 +34,22 @@ def test_every_body_gains_what_acts_on_it(kind, seed, offset):
     rng = np.random.default_rng(seed)
     makers = {"chain": random_leg, "floating": floating_leg}
     leg = makers[kind](rng) if kind in makers else getattr(kd.Leg, kind)()
-    if kind == "floating":
-        kick, options = any_kick(rng, leg, friction=0.4)
-    else:
-        kick, options = random_kick(rng, leg, friction=0.4)
+    maker = any_kick if kind == "floating" else random_kick
+    (posture, v, ball, contact), options = maker(rng, leg, friction=0.4)
+    touched = posture
     if offset:
-        posture, v, ball, _ = kick
         lever = rng.uniform(-0.2, 0.2, size=3)
-        closing = posture.with_contact_offset(lever).point_velocity(v) - options["ball_velocity"]
-        kick = posture, v, ball, kd.Contact(closing, 0.7, 0.4, lever)
-    impact = kd.strike(*kick, **options)
+        touched = posture.with_contact_offset(lever)
+        closing = touched.point_velocity(v) - options["ball_velocity"]
+        contact = kd.Contact(closing, 0.7, 0.4, lever)
+    impact = kd.strike(posture, v, ball, contact, **options)
+    centre = touched.contact_point + ball.radius * contact.normal
+    agrees(impact.ball_after.position, centre, closed_form())
+    agrees(impact.foot_velocity, touched.point_velocity(v), closed_form(10))
     check_bodies(impact)
     jump = np.linalg.solve(impact.posture.inertia, -impact.posture.jacobian.T @ impact.impulse)
     condition = np.linalg.cond(impact.posture.inertia)
-    agrees(impact.v_after - kick[1], jump, closed_form(condition))
+    agrees(impact.v_after - v, jump, closed_form(condition))
 
 
 @pytest.mark.parametrize("name", FREE | STANDING)
@@ -111,33 +70,16 @@ def test_every_robot_balances_and_pinocchio_agrees(name):
         np.testing.assert_allclose(impact.joint_impulses[0], 0.0, atol=closed_form(100) * size)
 
 
-@pytest.mark.parametrize("name", STANDING)
-def test_a_standing_robot_answers_as_one_dense_system(name):
-    """Rows by differences of placements, inertia by momenta, all unknowns solved for at once."""
-    leg = STANDING[name]
-    kick, options = any_kick(np.random.default_rng(6), leg, friction=0.4)
-    impact = kd.strike(*kick, **options)
-    q, foot = impact.posture.q, rows_of(leg, impact.posture.q, leg.frame)[:3]
-    jump, reaction = solved(inertia_of(leg, q), held_rows(leg, q), -foot.T @ impact.impulse)
-    agrees(impact.v_after - impact.v_before, jump, integrated(1e-9))
-    agrees(impact.constraint_impulses, reaction, integrated(1e-9))
-
-
 @pytest.mark.parametrize("seed", range(5))
-def test_a_closed_loop_answers_as_one_dense_system(seed):
-    rng = np.random.default_rng(seed)
+def test_bodies_of_a_closed_loop_gain_what_acts_on_them_and_it_stays_closed(seed):
+    rng, leg = np.random.default_rng(seed), fourbar()
     angles = {"hip": rng.uniform(0, 2), "rocker_b": rng.uniform(0, 1.3)}
-    q = FOURBAR.close_loops(FOURBAR.configuration(angles), keep=angles)
-    posture = FOURBAR.posture(q)
-    v = posture.admissible(rng.normal(size=FOURBAR.nv) * 5)
+    posture = leg.posture(leg.close_loops(leg.configuration(angles), keep=angles))
+    v = posture.admissible(rng.normal(size=leg.nv) * 5)
     normal = posture.point_velocity(v) + rng.uniform(-0.2, 0.2, size=3)
     impact = kd.strike(posture, v, kd.Ball(), kd.Contact(normal, 0.8, friction=0.4))
     check_bodies(impact)
-    gap = rows_of(FOURBAR, q, LOOP[1])[:3] - rows_of(FOURBAR, q, LOOP[0])[:3]
-    foot = rows_of(FOURBAR, q, FOURBAR.frame)[:3]
-    jump, reaction = solved(inertia_of(FOURBAR, q), gap, -foot.T @ impact.impulse)
-    agrees(impact.v_after - v, jump, integrated(1e-8))
-    agrees(impact.loop_impulses[LOOP], reaction, integrated(1e-8))
+    assert constraint_speed(impact) <= closed_form(1e3)
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-6])

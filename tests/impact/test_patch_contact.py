@@ -5,7 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
-from chains import free_body, momentum, rails
+from chains import fourbar, free_body, momentum, rails
 from scipy.integrate import dblquad
 from tolerances import agrees, closed_form, differenced, integrated
 
@@ -81,6 +81,21 @@ def test_energy_and_momentum_are_balanced(friction, offset, e):
         now = motion.equations.state(motion.column(t))
         totals.append(motion.equations.energy(motion.column(t), 0.0) + now.lost - now.work)
     agrees(totals, np.full(5, totals[0]), integrated(1e-10))
+
+
+def test_what_holds_a_spin_or_a_loop_is_accounted_for():
+    """A particle keeps its spin whatever turns it; a loop that is closed does no work."""
+    particle = kd.Ball(inertia_factor=math.inf, pressure=80e3)
+    loop = fourbar()
+    bent = loop.posture(loop.close_loops(loop.configuration({"rocker_b": 0.6}), ["rocker_b"]))
+    for foot, v, ball in (
+        (FREE, (14.0, 3.0, 1.0, 1.0, -4.0, 3.0), particle),
+        (bent, bent.joint_velocity((8.0, 0.0, 1.0)), BALL),
+    ):
+        options = {"foot": foot, "ball": ball, "ball_spin": (5.0, -10.0, 20.0), "tol": 1e-10}
+        collision = kick(FootPatch(0.08, 0.025), 0.5, v=v, **options)
+        assert collision.energy_residual < integrated(1e-10)
+        assert (collision.ball_after.spin.tolist() == [5, -10, 20]) is (ball is particle)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])

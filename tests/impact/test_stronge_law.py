@@ -9,6 +9,7 @@ from contacts import BareContact, by_newton, by_stronge, random_contact, split
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 from tolerances import agrees, closed_form, integrated
 
 seeds = st.integers(0, 2**32 - 1)
@@ -115,14 +116,8 @@ def after_sliding(g, mu):
     angles = []
     for low, high in itertools.pairwise(np.linspace(-math.pi, math.pi, 2001) + 1e-4):
         if growth(low)[0] * growth(high)[0] < 0:
-            for _ in range(60):
-                middle = (low + high) / 2
-                if growth(low)[0] * growth(middle)[0] <= 0:
-                    high = middle
-                else:
-                    low = middle
-            if growth(low)[1] > 0:
-                angles.append(low)
+            root = brentq(lambda angle: growth(angle)[0], low, high, xtol=1e-15)
+            angles += [root] if growth(root)[1] > 0 else []
     (angle,) = angles
     return np.array([-mu * math.cos(angle), -mu * math.sin(angle), 1.0])
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from shown_numbers import numbers_of
 from tolerances import agrees, closed_form, differenced
 
 import kickdyn as kd
@@ -110,6 +111,33 @@ def test_the_distance_to_the_other_branch():
     assert slipping.uncertainty(**spread).branch_sigmas == pytest.approx(right, rel=closed_form())
     strong, stronger = (kick(friction=mu).uncertainty(v=0.1) for mu in (1e100, 1e300))
     assert stronger.branch_sigmas == pytest.approx(strong.branch_sigmas)
+
+
+def test_the_budget_has_deviations_and_shares_by_source():
+    """Of `by_source`; of joints the six with the largest impulses, and how many are left out."""
+    leg = kd.Leg.from_robot("g1", legs_only=True)
+    posture = leg.posture(leg.configuration({"right_knee_joint": 0.5}))
+    contact = kd.Contact((4, 0.5, 1), 0.7, 0.1)
+    hit = kd.strike(posture, posture.joint_velocity((4, 0, 1)), kd.Ball(), contact)
+    ours = hit.uncertainty(v=0.05, restitution=0.03, friction=0.02)
+    _, _, *lines = str(ours).splitlines()
+    names = ("impulse_size", "speed", "velocity", "spin")
+    variances = {source: [np.trace(of[name]) for name in names]
+                 for source, of in ours.by_source.items()}  # fmt: skip
+    total = np.sum(list(variances.values()), axis=0)
+    for line, (source, variance) in zip(lines, variances.items(), strict=False):
+        right = np.column_stack([np.sqrt(variance), 100 * np.array(variance) / total]).ravel()
+        assert line.split()[0] == source
+        assert [x.value for x in numbers_of(line)] == pytest.approx(right, rel=6e-3, abs=0.06)
+    assert [x.value for x in numbers_of(lines[3])] == pytest.approx(np.sqrt(total), rel=6e-3)
+    assert f"sticks; slipping is {ours.branch_sigmas:.2g} standard" in lines[5]
+    loads = sorted(ours.joints.items(), key=lambda item: -item[1].force)
+    rows = {line.split()[0]: line for line in lines[8:-1]}
+    assert rows.keys() == {name for name, _ in loads[:6]}
+    for name, x in loads[:6]:
+        right = x.force, x.force_deviation, x.moment, x.moment_deviation
+        assert [x.value for x in numbers_of(rows[name])] == pytest.approx(right, rel=6e-3)
+    assert lines[-1].startswith(f"{leg.nv - 6} more")
 
 
 @pytest.mark.parametrize(("spread", "words"), [

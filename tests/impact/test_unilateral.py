@@ -78,7 +78,12 @@ def test_contact_laws_hold_after_the_impact(name):
     surface = state.velocity - ball.radius * np.cross(state.spin, n)
     slip = surface - posture.jacobian @ impact.v_after
     tangential = impact.impulse - pressing * n
-    check_coulomb(tangential, pressing, contact.friction, slip - (slip @ n) * n, scale, speed)
+    sliding = slip - (slip @ n) * n
+    check_coulomb(tangential, pressing, contact.friction, sliding, scale, speed)
+    slow = [np.hypot(*u[:2]) < 1e-9 * speed for u in (*impact.point_velocities[FOOT],)]
+    stuck = np.linalg.norm(sliding) < 1e-9 * speed
+    assert impact.sticking is bool(stuck and contact.friction)
+    assert impact.solution.sticking[1:] == tuple(bool(x and friction) for x in slow)
     assert impact.restitution_residual <= optimized(1e-10)
     assert impact.momentum_residual <= closed_form(100)
     assert np.abs(impact.joint_impulses[0]).max() < closed_form(100) * scale  # the base
@@ -113,7 +118,8 @@ def test_footing_by_the_velocities_of_the_corners():
     rise, slide = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
     for velocities, motion in (
         (np.zeros((4, 3)), "stands"),
-        (1e-11 * np.ones((4, 3)), "stands"),
+        (0.9e-9 * loose.approach_speed * np.tile(slide + rise, (4, 1)), "stands"),
+        (1.1e-9 * loose.approach_speed * np.tile(slide, (4, 1)), "slips"),
         (np.tile(slide, (4, 1)), "slips"),
         (np.outer([1, 1, 0, 0], rise), "tips"),
         (np.tile(rise + slide, (4, 1)), "lifts-off"),

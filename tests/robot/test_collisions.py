@@ -37,10 +37,10 @@ def legs(folder, kind, size):
 def test_crossed_legs_are_inside_each_other_and_straight_ones_are_not(tmp_path, kind, size, lowest):
     leg = legs(tmp_path, kind, size)
     assert find_self_collisions(leg, leg.configuration()) == {}
-    for depth in (0.02, 0.004):  # of a ball below; 5 mm count as touching
+    for depth in (0.00501, 0.00499):  # of a ball below; 5 mm count as touching
         centre = np.array([0.0, -0.1, lowest - 0.1 + depth])
         overlaps = find_ball_overlaps(leg.posture(leg.configuration()), centre, 0.1)
-        assert overlaps == ({"right": pytest.approx(0.02, abs=GJK)} if depth > 5e-3 else {})
+        assert overlaps == ({"right": pytest.approx(depth, abs=GJK)} if depth > 5e-3 else {})
     (pair, depth), *others = find_self_collisions(
         leg, leg.configuration({"l": -0.3, "r": 0.3})
     ).items()
@@ -117,13 +117,15 @@ def test_the_nearest_point_of_a_body_and_its_normal(tmp_path, ahead):
     assert contact.point[0] == pytest.approx(0.1, abs=GJK)
 
 
-def test_a_flat_body_is_thickened_a_little():
+@pytest.mark.parametrize("size", [1e-3, 1.0, 30.0])
+@pytest.mark.parametrize("width", [0.0, 1.0])
+def test_a_flat_or_thin_body_is_thickened_a_little(size, width):
     """A hull without volume would end the process."""
-    square = Spheres(np.array([(x, y, 0.0) for x in (0, 1) for y in (0, 1)]), np.zeros(4))
-    box = _body("square", square).shape
+    corners = [(x, width * y, 0.0) for x in (0, 1) for y in (0, 1)]
+    box = _body("sheet", Spheres(size * np.array(corners), np.zeros(4))).shape
     box.computeLocalAABB()
-    sizes = box.aabb_local.max_ - box.aabb_local.min_
-    assert sizes == pytest.approx([1.0, 1.0, 1e-3 * np.sqrt(0.5)])
+    sizes, thin = box.aabb_local.max_ - box.aabb_local.min_, 1e-3 * np.hypot(1.0, width) / 2
+    assert sizes == pytest.approx(size * np.array([1.0, width or thin, thin]))
 
 
 @pytest.mark.parametrize(("axis", "place", "size", "between", "counts"), [

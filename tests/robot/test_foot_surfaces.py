@@ -31,22 +31,22 @@ def box_foot(folder, y=-0.1, shape=BOX):
     return kd.Leg.from_urdf(path, "foot", drives=False)
 
 
-@pytest.mark.parametrize(("name", "point"), [
-    ("toe", (0.17, 0.01, 0.01)), ("sole_edge", (0.17, 0.01, -0.05)), ("inside", (0.05, 0.06, 0.01)),
-    ("outside", (0.05, -0.04, 0.01)), ("heel", (-0.07, 0.01, 0.01))])  # fmt: skip
+@pytest.mark.parametrize(("name", "point", "direction", "rises"), [  # directions to the left of x
+    ("toe", (0.17, 0.01, 0.01), 0, (0, 60)), ("sole_edge", (0.17, 0.01, -0.05), 0, (-90, 0)),
+    ("inside", (0.05, 0.06, 0.01), 90, (0, 15)), ("outside", (0.05, -0.04, 0.01), -90, (0, 15)),
+    ("heel", (-0.07, 0.01, 0.01), 180, (0, 15))])  # fmt: skip
 @pytest.mark.parametrize("side", ["right", "left"])
-def test_the_surfaces_of_a_box_are_its_edges(tmp_path, name, point, side):
+def test_the_surfaces_of_a_box_are_its_edges(tmp_path, name, point, direction, rises, side):
     """Normals to both sides meet in the middle of an edge, the upper one if they rise."""
     surfaces = kd.foot_surfaces(box_foot(tmp_path, y=-0.02 if side == "right" else 0.005))
     if side == "left":  # whose inside is on its right
         name = {"inside": "outside", "outside": "inside"}.get(name, name)
     assert surfaces.keys() == SURFACES.keys()
     assert surfaces[name].point == pytest.approx(point, abs=closed_form(1e4))
-    direction, low, high = np.radians(SURFACES[name])
-    rise, direction = (low + high) / 2, direction if side == "right" else -direction
+    rise, direction = np.radians(np.mean(rises)), np.radians(direction)
     level = np.array([np.cos(direction), np.sin(direction)]) * np.cos(rise)
     assert surfaces[name].normal == pytest.approx([*level, np.sin(rise)], abs=closed_form(10))
-    assert surfaces[name].rise == pytest.approx([low, high])
+    assert np.degrees(surfaces[name].rise) == pytest.approx(rises)
 
 
 def test_a_turned_box_is_met_at_the_corner_that_is_ahead(tmp_path):

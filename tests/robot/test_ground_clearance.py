@@ -40,7 +40,7 @@ def test_the_lowest_point_of_each_shape(tmp_path, shape, turned):
     depths = find_depths(leg, np.zeros(1), -0.3)
     assert depths.get("body", 0.0) == pytest.approx(lowest, abs=closed_form(10))
     assert find_depths(leg, np.zeros(1), 0.9)["body"] == pytest.approx(1.2 + lowest)
-    for depth in (1e-3, 3e-3):  # soles give way by 2 mm
+    for depth in (1.99e-3, 2.01e-3):  # soles give way by 2 mm
         assert ("body" in find_depths(leg, np.zeros(1), -0.3 - lowest + depth)) == (depth > 2e-3)
 
 
@@ -56,10 +56,18 @@ def test_the_lowest_point_of_shapes_of_an_mjcf(tmp_path, kind, size, lowest):
     assert find_depths(leg, np.zeros(1), -1.0) == {"body": pytest.approx(lowest, abs=closed_form())}
 
 
-def test_the_depth_follows_the_joint_and_the_deepest_body_comes_first(tmp_path):
-    leg = arm(tmp_path, '<sphere radius="0.1"/>')
-    depths = find_depths(leg, np.array([-0.1]), -0.35)
-    assert depths == {"body": pytest.approx(0.3 * np.cos(0.1) - 0.1 * np.sin(0.1) + 0.1 - 0.35)}
+@pytest.mark.parametrize("shape", [
+    '<sphere radius="0.1"/>', '<cylinder length="0.5" radius="0.1"/>'])  # fmt: skip
+def test_the_depth_of_what_is_round_follows_the_joint(tmp_path, shape):
+    """A cylinder that lies along the joint has corners, which are up to 2 % inside it."""
+    leg = arm(tmp_path, shape, np.pi / 2)
+    for angle in (0.1, 0.5, 0.9):
+        depth = 0.3 * np.cos(angle) - 0.1 * np.sin(angle) + 0.1
+        found = find_depths(leg, np.array([-angle]), 0.0)["body"]
+        assert found == pytest.approx(depth, abs=2e-3)
+
+
+def test_the_deepest_body_comes_first():
     g1 = kd.Leg.from_robot("g1", legs_only=True)
     feet = find_depths(g1, g1.configuration(), -0.76)
     assert set(list(feet)[:2]) == {"left_ankle_roll_link", "right_ankle_roll_link"}

@@ -6,7 +6,7 @@ import threading
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import random_leg
+from chains import at, random_leg, serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mp, mpf
@@ -22,14 +22,8 @@ SEEDS = st.integers(0, 10**6)
 
 def arm(armature=0.0, gravity=-9.81):
     """A pin.Model: two hinges about y that carry rods of 0.5 m, with a frame `toe` at the tip."""
-    model, parent = pin.Model(), 0
-    model.name = "arm"
-    for k in range(2):
-        hang = pin.SE3(np.eye(3), np.array([0, 0, -0.5 * k]))
-        parent = model.addJoint(parent, pin.JointModelRY(), hang, f"j{k}")
-        model.appendBodyToJoint(parent, BODY, pin.SE3.Identity())
-    reach = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.5]))
-    model.addFrame(pin.Frame("toe", parent, 0, reach, pin.FrameType.OP_FRAME))
+    joints = [(f"j{k}", pin.JointModelRY(), at(0, 0, -0.5 * k), BODY) for k in range(2)]
+    model = serial(joints, at(0, 0, -0.5))
     model.armature = np.full(model.nv, armature)
     model.gravity = pin.Motion(np.array([0, 0, gravity]), np.zeros(3))
     return model

@@ -42,6 +42,7 @@ BAD = {
         "[0-9]+ elements",
     ),
     "nan": (MODEL.replace('"0.1"', '"nan"'), "MuJoCo refuses"),
+    "far away": (MODEL.replace('"arm"', '"arm" pos="1e101 0 0"'), "'arm' has a mass, moment"),
     "a huge size": (MODEL.replace('"0.1"', '"1e80"'), "'arm' has a mass, moment or position"),
 }  # fmt: skip
 
@@ -74,6 +75,18 @@ def test_a_file_that_cannot_be_included_is_named(tmp_path, name, said):
     )  # fmt: skip
     with pytest.raises(kd.MjcfError, match=f"^[^\n]*{said}[^\n]*$"):
         kd.Leg.from_mjcf(file, "arm")
+
+
+def test_an_included_file_stands_where_it_is_included(tmp_path):
+    joint = '<joint name="{}" type="slide" axis="{}"/>'
+    include, last = '<include file="more.xml"/>', joint.format("d", "0 1 0")
+    body = BODY.replace("<geom", f"{include}{last}<geom")
+    more = joint.format("b", "1 0 0") + joint.format("c", "0 0 1")
+    file = write(
+        tmp_path, robot=f"<mujoco><worldbody>{body}</worldbody></mujoco>",
+        more=f"<mujoco>{more}</mujoco>",
+    )  # fmt: skip
+    assert kd.Leg.from_mjcf(file, "arm").joint_names == ("j", "b", "c", "d")
 
 
 def test_no_other_file_is_named_to_mujoco(tmp_path):
@@ -158,7 +171,7 @@ def test_geoms_are_drawn(tmp_path):
 @pytest.mark.parametrize(("actuators", "passive"), [
     ('<motor joint="b"/>', ("a",)), ('<motor joint="a"/><motor jointinparent="b"/>', ()),
     ("", ()),  # a file without actuators says nothing about them
-    ('<motor tendon="t"/>', ()),
+    ('<motor tendon="t"/>', ()), ('<plugin joint="b" plugin="mujoco.pid"/>', ("a",)),
 ])  # fmt: skip
 def test_joints_that_no_actuator_drives_are_passive(tmp_path, actuators, passive):
     body = '<body name="{0}"><joint name="{0}" type="slide"/><geom size="0.1" pos="0 0 {1}"/>'

@@ -2,7 +2,6 @@
 
 from importlib.util import find_spec
 from pathlib import Path
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -12,7 +11,6 @@ from chains import floating_leg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import agrees, closed_form, differenced, integrated, optimized
-from urdf_bodies import random_urdf
 
 import kickdyn as kd
 from kickdyn.robot.mjcf_file import quiet_mujoco
@@ -124,22 +122,12 @@ def test_random_models_move_and_weigh_as_in_mujoco(tmp_path_factory, seed, kinds
     check_against_mujoco(file, leg, frame, draw)
 
 
-# --- settings of the format ---
-
 ARM = '<body name="arm"><joint name="j" axis="0 1 0"/>{}</body>'
 BALL = '<geom type="sphere" size="0.1" pos="0 0 -1" mass="2"/>'
-SPHERE = 2 * 1.0 + 2 * 2 * 0.1**2 / 5
-"""Moment of the arm's ball about the joint [kg m2]."""
 
 
 def arm(tmp_path, body=None, more=""):
     return kd.Leg.from_mjcf(written(tmp_path, body or ARM.format(BALL), more), "arm")
-
-
-def moment(leg):
-    """What the joint j moves at 0 [kg m2]."""
-    index = leg.velocity_index("j")
-    return leg.posture(leg.configuration()).inertia[index, index]
 
 
 @pytest.mark.parametrize(("joint", "more", "span"), [
@@ -184,27 +172,43 @@ def test_a_base_is_welded_where_the_file_places_it_or_floats(tmp_path):
         assert posture.inertia[0, 0] == pytest.approx(1000 * 4 / 3 * np.pi * 0.2**3 + 2)
 
 
-def test_the_impact_of_a_knee_that_slides_as_it_bends(tmp_path):
-    """By a polynomial, as in models of muscles: energy of a contact, derivatives by q."""
-    file = written(
-        tmp_path,
-        '<body name="a"><joint name="hip" axis="0 1 0"/><geom size="0.1" pos="0.02 0 -0.5"/>'
-        '<body name="b" pos="0 0 -0.5"><joint name="slide" type="slide" axis="1 0 0"/>'
-        '<joint name="knee" axis="0 1 0"/><geom size="0.1" pos="0.1 0 -0.3"/>'
-        '<body name="foot" pos="0 0 -0.5"><joint name="ankle" axis="0 1 0"/>'
-        '<geom size="0.08" pos="0.1 0 -0.1"/></body></body></body>',
-        '<equality><joint joint1="slide" joint2="knee" polycoef="0.01 0.02 -0.05 0.03 0.01"/>'
-        "</equality>",
-    )
-    leg = kd.Leg.from_mjcf(file, "foot")
+SLIDING_KNEE = (
+    '<body name="a"><joint name="hip" axis="0 1 0"/><geom size="0.1" pos="0.02 0 -0.5"/>'
+    '<body name="b" pos="0 0 -0.5"><joint name="slide" type="slide" axis="1 0 0"/>'
+    '<joint name="knee" axis="0 1 0"/><geom size="0.1" pos="0.1 0 -0.3"/>'
+    '<body name="foot" pos="0 0 -0.5"><joint name="ankle" axis="0 1 0"/>'
+    '<geom size="0.08" pos="0.1 0 -0.1"/></body></body></body>'
+)
+KICKER = (
+    f'<body name="trunk"><freejoint/><geom size="0.15"/>{SLIDING_KNEE}<body name="thigh" pos='
+    '"0 -0.2 0"><joint name="other" axis="0 1 0"/><geom size="0.08" pos="0 0 -0.3"/><body '
+    'name="toe" pos="0 0 -0.5"><joint name="shin" axis="0 1 0"/><geom size="0.05" pos="0.1 0 0"/>'
+    "</body></body></body>"
+)
+
+
+@pytest.mark.parametrize(("body", "frame"), [(SLIDING_KNEE, "foot"), (KICKER, "toe")])
+def test_the_impact_of_a_knee_that_slides_as_it_bends(tmp_path, body, frame):
+    """By a polynomial, as in models of muscles: energy of a contact, derivatives by q.
+
+    Of a leg that kicks, and of one on which the robot stands.
+    """
+    tie = '<joint joint1="slide" joint2="knee" polycoef="0.01 0.02 -0.05 0.03 0.01"/>'
+    file = written(tmp_path, body, f"<equality>{tie}</equality>")
+    leg = kd.Leg.from_mjcf(file, frame, base="fixed" if frame == "foot" else "floating")
+    leg = leg if frame == "foot" else leg.with_supports("foot")
     q = leg.configuration({"hip": 0.5, "knee": 0.7, "ankle": -0.2})
-    v, along = leg.posture(q).admissible([-5, 0, -3, 2]), leg.posture(q).admissible([1, 0, -1, 2])
+    v, step = np.random.default_rng(0).uniform(-3, 3, (2, leg.nv))
+    v, along, slide = leg.posture(q).admissible(v), step.copy(), leg.velocity_index("slide")
+    along[slide] -= leg.gears.rows(q)[0] @ step  # as the knee moves it
 
     def moved(t):
-        return leg.posture(leg.gears.follow(q + t * along))
+        return leg.posture(leg.gears.follow(pin.integrate(leg.model, q, t * along)))
+
+    normal = leg.posture(q).point_velocity(v)
 
     def kick(t):
-        return moved(t), moved(t).admissible(v), kd.Ball(), kd.Contact((1, 0, 0.2), 0.7, 0.3)
+        return moved(t), moved(t).admissible(v), kd.Ball(), kd.Contact(normal, 0.7, 0.3)
 
     assert kd.collide(*kick(0.0)).energy_residual < integrated(1e-9)
     slopes = kd.strike(*kick(0.0)).sensitivity()
@@ -294,43 +298,13 @@ TURNS = {"x": 0.0, "y": -np.pi / 2, "-x": np.pi, "-y": np.pi / 2}
 """By the axis along which a robot faces, the angle about z by which it is turned to face x."""
 
 
-def coupled_urdf(draw, folder, facing):
-    """A leg with continuous joints that follow others, without limits, and what its file says.
-
-    These are its values by joint, each with its derivatives by the free joints, and the mass matrix
-    and the foot's Jacobian of Pinocchio, which reads neither mimic joints nor `facing`.
-    """
-    text = random_urdf(draw, 2)
-    for old, choices in (("revolute", ("revolute", "continuous")), ("9", ("9", "0", "-1"))):
-        first, *others = text.split(f'"{old}"')
-        text = first + "".join(f'"{draw.choice(choices)}"{other}' for other in others)
-    (folder / "tree.urdf").write_text(text)
-    leg = kd.Leg.from_urdf(folder / "tree.urdf", facing=facing)
-    plain = pin.buildModelFromXML(text.replace('"-1"', '"1"'))  # Pinocchio refuses such limits
-    gears = {
-        joint.get("name"): joint.find("mimic").attrib
-        for joint in ElementTree.fromstring(text).iter("joint")
-        if joint.find("mimic") is not None
-    }
-    free = [name for name in list(plain.names)[1:] if name not in gears]
-    values, slopes = dict(zip(free, draw.uniform(-2, 2, len(free)), strict=True)), {}
-    slopes |= dict(zip(free, np.eye(len(free)), strict=True))
-    for name, gear in gears.items():
-        ratio = float(gear["multiplier"])
-        values[name] = ratio * values[gear["joint"]] + float(gear["offset"])
-        slopes[name] = ratio * slopes[gear["joint"]]
-    names = list(plain.names)[1:]
-    step, data = np.zeros(plain.nv), plain.createData()
-    step[plain.idx_vs[1:]] = [values[name] for name in names]
-    q = pin.integrate(plain, pin.neutral(plain), step)
-    inertia, frame = pin.crba(plain, data, q), plain.getFrameId("toe", pin.BODY)
-    world = pin.LOCAL_WORLD_ALIGNED
-    jacobian = pin.computeFrameJacobian(plain, data, q, frame, world)[:3]
-    return leg, names, values, slopes, inertia, jacobian
-
-
-def coupled_mjcf(draw, folder, facing):
-    """The same of an MJCF file whose joints follow polynomials, and of MuJoCo's matrices."""
+@settings(max_examples=15)
+@given(seed=st.integers(0, 2**32 - 1), facing=st.sampled_from(list(TURNS)))
+def test_effective_masses_are_those_of_mujoco_where_joints_follow_polynomials(
+    tmp_path_factory, seed, facing
+):
+    r"""With v = P x of the free joints x, the foot has :math:`(J P) (P^T M P)^{-1} (J P)^T`."""
+    draw = np.random.default_rng(seed)
     kinds = [["hinge", "slide"][: draw.integers(1, 3)] for _ in range(4)]
     names = [f"body{n}_{k}" for n, joints in enumerate(kinds) for k in range(len(joints))]
     followers = {names[-1]: names[0], names[-3]: draw.choice([names[-1], names[0]])}
@@ -341,7 +315,7 @@ def coupled_mjcf(draw, folder, facing):
         for name, driver in followers.items()
     )
     more = f'<compiler angle="radian"/><equality>{ties}</equality>'
-    file = written(folder, random_xml(draw, kinds, floating=False), more)
+    file = written(tmp_path_factory.mktemp("leg"), random_xml(draw, kinds, floating=False), more)
     leg = kd.Leg.from_mjcf(file, "body3", facing=facing)
     compiled = mujoco.MjModel.from_xml_path(str(file))
     free = [name for name in names if name not in followers]
@@ -361,21 +335,6 @@ def coupled_mjcf(draw, folder, facing):
         mujoco.mj_mulM(compiled, data, inertia[np.argmax(unit)], unit)
     jacobian = np.zeros((3, compiled.nv))
     mujoco.mj_jacBody(compiled, data, jacobian, None, compiled.body("body3").id)
-    return leg, names, values, slopes, inertia, jacobian
-
-
-@pytest.mark.parametrize("read", [coupled_urdf, coupled_mjcf])
-@settings(max_examples=15)
-@given(seed=st.integers(0, 2**32 - 1), facing=st.sampled_from(list(TURNS)))
-def test_effective_masses_are_those_of_the_file_as_its_own_library_reads_it(
-    tmp_path_factory, read, seed, facing
-):
-    r"""Of joints that follow others, v = P x with the free ones: the foot has
-    :math:`(J P) (P^T M P)^{-1} (J P)^T`."""
-    draw = np.random.default_rng(seed)
-    leg, names, values, slopes, inertia, jacobian = read(
-        draw, tmp_path_factory.mktemp("leg"), facing
-    )
     posture = leg.posture(leg.configuration(values))
     order = [leg.velocity_index(name) for name in names]
     agrees(posture.inertia[np.ix_(order, order)], inertia, closed_form(100))

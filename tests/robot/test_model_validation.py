@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import random_leg
+from chains import at, random_leg, serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -25,15 +25,10 @@ ON_AXIS = pin.Inertia(1.0, np.array([0.0, 0.0, 0.3]), np.zeros((3, 3)))
 
 def chain(*bodies, joints="XYZX", place=(0.0, 0.0, 0.0)):
     """A pin.Model: revolute joints in one point, then a toe, with these bodies."""
-    model, parent = pin.Model(), 0
-    for k, inertia in enumerate(bodies):
-        kind = getattr(pin, f"JointModelR{joints[k]}")()
-        hang = pin.SE3(np.eye(3), np.array(place))
-        parent = model.addJoint(parent, kind, hang, f"j{k}")
-        model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
-    tip = pin.SE3(np.eye(3), np.array([0, 0, -0.5]))
-    model.addFrame(pin.Frame("toe", parent, 0, tip, pin.FrameType.OP_FRAME))
-    return model
+    kinds = (getattr(pin, f"JointModelR{axis}")() for axis in joints)
+    links = zip(kinds, bodies, strict=False)
+    named = [(f"j{k}", kind, at(*place), body) for k, (kind, body) in enumerate(links)]
+    return serial(named, at(0, 0, -0.5))
 
 
 @pytest.mark.parametrize("bodies", [

@@ -52,11 +52,7 @@ def folder(tmp_path):
     (robot / "link.stl").symlink_to(tmp_path / "secret.stl")
     (robot / "alias.stl").symlink_to(robot / "meshes" / "box.stl")
     (robot / "elsewhere").symlink_to(tmp_path)
-    (robot / "loop.stl").symlink_to(robot / "loop.stl")
-    for name in ("junk.stl", "junk.dae", "box.urdf"):
-        (robot / name).write_bytes(b"junk")
     (robot / "empty.stl").touch()
-    (robot / "folder.stl").mkdir()
     os.mkfifo(robot / "pipe.stl")
     with (robot / "huge.stl").open("wb") as file:
         file.truncate(10**9)

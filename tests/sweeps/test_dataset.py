@@ -87,6 +87,7 @@ NEXT = AXES | {"knee": np.nextafter(AXES["knee"], 1.0)}
     ({}, None), ({"axes": {"hip": AXES["hip"]}}, ["joints", "hip, knee"]),
     ({"axes": NEXT}, ["knee"]), ({"leg": heavier(1.1)}, ["model", "masses"]),
     ({"kick": replace(KICK, speed=2.0)}, ["foot_speed_m_s", "1.0", "2.0"]),
+    ({"kick": replace(KICK, attack=np.nextafter(0.3, 1.0))}, ["attack_rad"]),
     ({"kick": airy(drag=drag(0.2))}, ["air"]),
     ({"kick": airy(density=kd.Air().density + 1e-9)}, ["air", "functions"]),
     ({"kick": replace(KICK, restitution=0.8 + 1e-14)}, None),
@@ -116,3 +117,14 @@ def test_coordinates_and_variables_have_units():
                 strict=True)  # fmt: skip
     assert dict(flags)["ok"] == 0
     assert dict(data.sizes) == {"hip": 3, "knee": 2}
+
+
+def test_the_numbers_of_the_kick_are_attributes():
+    kick = Kick(speed=7.5, attack=0.3, restitution=[[5, 0.8], [10, 0.7]], friction=0.2,
+                ball=kd.Ball(0.4, 0.1, 0.5))  # fmt: skip
+    attributes = provenance(LEG, kick)
+    right = {"foot_speed_m_s": 7.5, "attack_rad": 0.3, "attack_deg": 54 / np.pi, "friction": 0.2,
+             "restitution": 0.75, "ball_mass_kg": 0.4, "ball_radius_m": 0.1,
+             "ball_inertia_factor": 0.5}  # fmt: skip
+    assert {name: attributes[name] for name in right} == pytest.approx(right, abs=1e-10)
+    assert attributes["restitution_given"] == "[[5, 0.8], [10, 0.7]]"

@@ -5,7 +5,9 @@ import re
 
 import numpy as np
 import pytest
+from chains import fourbar
 from scipy.stats import qmc
+from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.sweeps.grid import IN_MEMORY, LARGEST, Chunks, Grid, check_size, read_postures
@@ -84,6 +86,24 @@ def test_a_joint_that_is_not_named_must_allow_0():
     model.lowerPositionLimit = np.array([0.1, 0.0, 0.0])
     with pytest.raises(kd.InvalidInput, match="hip is not named"):
         Grid.of(kd.Leg.from_model(model, "toe"), {"knee": 0.2})
+
+
+def test_ranges_hold_for_joints_that_others_move(leg_with_arm):
+    """The elbow follows the shoulder 0.3 rad ahead, up to 1 rad; a rocker follows the other."""
+    leg = kd.Leg.from_urdf(leg_with_arm, "toe")
+    assert Grid.of(leg, {"shoulder": [-1.0, 0.7]}).size == 2
+    model = fourbar().model
+    model.upperPositionLimit[1] = 0.1
+    closed = fourbar().with_model(model)
+    grid = Grid.of(closed, {"rocker_b": [0.0, 0.4]})
+    assert np.abs(grid.configuration(closed, 0)).max() < closed_form(10)
+    for refused, said in (
+        (lambda: Grid.of(leg, {"shoulder": [0.0, 0.71]}), "elbow .* moved by shoulder.* 57.8"),
+        (lambda: Grid.of(leg, {"elbow": 0.3}), "elbow mimics shoulder: sweep shoulder"),
+        (lambda: grid.configuration(closed, 1), "with the loops closed, rocker_a at"),
+    ):
+        with pytest.raises(kd.InvalidInput, match=said):
+            refused()
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,17 @@
 """Stores and files of sweeps: interrupted, killed, damaged or resumed, they lose no posture."""
 
 import json
+import os
 import shutil
+import signal
 import subprocess
 import sys
+import threading
+import time
 import warnings
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
+from itertools import chain, repeat
 from pathlib import Path
 
 import numpy as np
@@ -217,6 +222,74 @@ def test_an_executor_of_the_caller_fills_the_same_store(tmp_path, whole):
     stored(tmp_path / "t.zarr", resume=True)
     assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr") == files(whole)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["s.zarr", "t.zarr"]
+
+
+def slowed(executor, first, others):
+    """Return an executor whose tasks last, the first and the others [s], so that workers end."""
+    submit, times = executor.submit, chain([first], repeat(others))
+
+    def slow(function, *arguments):
+        wait = next(times)
+        return submit(lambda: (time.sleep(wait), function(*arguments))[1])
+
+    executor.submit = slow
+    return executor
+
+
+class ClosedClient:
+    """A client of dask.distributed to which its scheduler has announced its end."""
+
+    status = "running"
+
+    class scheduler_comm:  # noqa: N801
+        @staticmethod
+        def closed():
+            return True
+
+
+class SilentExecutor(Executor):
+    """An executor that never answers, as the one of that client."""
+
+    _client = ClosedClient()
+
+    def submit(self, function, *arguments):
+        return Future()
+
+
+def test_a_scheduler_that_closes_without_a_word_ends_the_wait(tmp_path, monkeypatch, whole):
+    monkeypatch.setattr("kickdyn.core.executors.LISTEN_INTERVAL", 0.01)
+    with pytest.raises(Unfinished, match=rf"0 of {COUNT} .*resume=True"):
+        stored(tmp_path / "silent.zarr", executor=SilentExecutor())
+    stored(tmp_path / "silent.zarr", resume=True)
+    assert files(tmp_path / "silent.zarr") == files(whole)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of dask, about what the test does to its workers
+def test_a_cluster_that_loses_workers_and_scheduler_fills_the_same_store(tmp_path, whole):
+    distributed, right = pytest.importorskip("distributed"), files(whole)
+    options = {"processes": True, "threads_per_worker": 1, "dashboard_address": None}
+    with (
+        distributed.LocalCluster(n_workers=2, **options) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        workers = list(client.run(os.getpid).values())
+
+        def kill_one():
+            while not list(tmp_path.glob("killed.zarr/status/c/*/*")):
+                time.sleep(0.001)
+            os.kill(workers[0], signal.SIGKILL)
+
+        killer = threading.Thread(target=kill_one, daemon=True)
+        killer.start()
+        stored(tmp_path / "killed.zarr", executor=slowed(client.get_executor(), 0.2, 0.2))
+        killer.join(5)
+        assert files(tmp_path / "killed.zarr") == right
+        with pytest.raises(Unfinished, match=rf"of {COUNT} .*resume=True"):
+            stored(tmp_path / "closed.zarr", executor=slowed(client.get_executor(), 0.0, 5.0),
+                   progress=lambda count: cluster.close() if count else None)  # fmt: skip
+    stored(tmp_path / "closed.zarr", resume=True)
+    assert files(tmp_path / "closed.zarr") == right
 
 
 def test_one_process_fills_a_store_at_a_time(tmp_path):

@@ -10,7 +10,13 @@ from kickdyn.sweeps import chunk_solver, summary
 from kickdyn.sweeps.dataset import describe
 from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.queries import condition, pareto_front, possible
-from kickdyn.sweeps.summary import KEPT_POSTURES, Summary, joint_values_by_unit, summarize
+from kickdyn.sweeps.summary import (
+    KEPT_POSTURES,
+    SpeedMap,
+    Summary,
+    joint_values_by_unit,
+    summarize,
+)
 from kickdyn.sweeps.sweep import sweep_chunks
 
 LEG, KICK = kd.Leg.human(), kd.Kick(speed=6.5, attack=0.0, friction=0.1, air=None)
@@ -76,6 +82,21 @@ def test_maps_are_over_pairs_of_the_three_longest_axes():
         axes = {name: np.linspace(0.1, 0.2, k) for name, k in zip(names, sizes, strict=True)}
         maps = Summary(describe(G1, Grid.of(G1, axes), KICK, 0.0)).maps
         assert {tuple(map(names.index, pair)) for pair in maps} == pairs
+
+
+def test_a_map_of_long_axes_joins_neighbours(monkeypatch):
+    """Seven values in three bins, in two blocks; nan where there is no posture."""
+    monkeypatch.setattr(summary, "BINS", 3)
+    axes = {"hip": np.arange(7.0) ** 2, "knee": np.array([0.1, 0.5])}
+    speeds = np.random.default_rng(0).normal(size=(7, 2))
+    speeds[3:5, 1] = np.nan
+    speed_map = SpeedMap(axes, ("hip", "knee"))
+    for begin, end in ((0, 4), (4, 7)):
+        speed_map.add({"hip": begin, "knee": 0}, speeds[begin:end])
+    bins = [slice(0, 3), slice(3, 5), slice(5, 7)]
+    assert speed_map.values["hip"].tolist() == [axes["hip"][k].mean() for k in bins]
+    best = [np.fmax.reduce(speeds[k]) for k in bins]
+    np.testing.assert_array_equal(speed_map.best, best)
 
 
 def test_the_sample_is_random_repeatable_and_of_chosen_postures(data, chunks):

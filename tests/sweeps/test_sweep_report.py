@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from rich.console import Console
+from shown_numbers import numbers_of
 from tolerances import closed_form, optimized
 
 import kickdyn as kd
@@ -46,7 +47,9 @@ def test_the_papers_postures_meet_table_2():
     assert impulses == pytest.approx([1.554, 0.944, 0.646], rel=0.003)  # Table 2 of the paper
     feet = [sum(line.angles.values()) - 2 * line.angles["hip"] for line in lines]
     assert [foot - feet[0] for foot in feet] == [0, 20, 45]
-    assert all(line.paper is None for line in sweep_report.paper_lines(LEG, kd.Kick(speed=2.0)))
+    fast = sweep_report.paper_lines(LEG, kd.Kick(speed=50.0))
+    assert [line.paper for line in fast] == [None] * 3
+    assert printed(LEG, fast)["status"] == ["too-fast"] * 3
 
 
 def test_the_table_has_the_values_of_each_posture(report):
@@ -76,24 +79,30 @@ def test_best_and_worst_are_the_extremes_of_the_possible_postures():
     assert best.values["ball_speed"] == pytest.approx(possible.max(), rel=closed_form())
     assert worst.values["ball_speed"] == pytest.approx(possible.min(), rel=closed_form())
     assert best.outcome.status == worst.outcome.status == "ok"
-    for number in (f"{best.values['effective_mass']:.3g} kg", f"{best.values['speed_ratio']:.3g}"):
-        assert number in best.explanation
+    for line in (best, worst):
+        mass, ratio, use = (
+            line.values[name] for name in ("effective_mass", "speed_ratio", "speed_use")
+        )
+        shown = [number.value for number in numbers_of(line.explanation)]
+        right = [mass, mass / kick.ball.mass, ratio, 1.8, 100 * use]
+        assert shown == pytest.approx(right, rel=1e-2)  # digits
     assert swept({"knee": [0.0, 0.2]}, kd.Kick(speed=500.0))[3] == []
 
 
 def test_the_report_compares_with_pinocchio(report, monkeypatch):
     assert max(sweep_report.pinocchio_differences(report[3])) < closed_form()
-    exact = sweep_report.strike_by_pinocchio
+    exact, calls, (*_, summary, lines) = sweep_report.strike_by_pinocchio, [], report
 
     def wrong(*kick):
-        hit = exact(*kick)
-        return SimpleNamespace(impulse=hit.impulse * (1 + 3e-7))
+        calls.append(3e-7 - 1e-8 * (len(calls) % len(lines)))
+        return SimpleNamespace(impulse=exact(*kick).impulse * (1 + calls[-1]))
 
     monkeypatch.setattr(sweep_report, "strike_by_pinocchio", wrong)
-    assert max(sweep_report.pinocchio_differences(report[3])) == pytest.approx(
-        3e-7, rel=closed_form(1 / 3e-7)
-    )
-    assert "1e-05" in sweep_report.text(report[2], report[3], 200)
+    differences = sweep_report.pinocchio_differences(lines)
+    assert differences == pytest.approx(calls, rel=closed_form(1 / 3e-7))
+    document = sweep_report.as_json(LEG, KICK, summary, lines)
+    assert document["pinocchio_difference"] == pytest.approx(3e-7, rel=closed_form(1 / 3e-7))
+    assert "1e-05" in sweep_report.text(summary, lines, 200)
     assert sweep_report.pinocchio_differences([]) == []
 
 
@@ -119,3 +128,31 @@ def test_a_page_shows_the_fastest_foot_that_the_joints_allow():
         len(sweep_report.page_lines(leg, grid, KICK, summary, lines)) == 3
     )  # there is no fastest foot
     assert sweep_report.page_lines(LEG, grid, KICK, summary, []) == []
+
+
+def test_rotors_and_stiff_joints_have_their_effective_masses():
+    leg = LEG.with_armature({"knee": 0.1}).with_stiff_joints("ankle")
+    lines = swept({"hip": [0.0, 0.3]}, leg=leg)[3]
+    cells, free = printed(leg, lines), leg.with_stiff_joints()
+    for row, robot in (
+        ("effective mass", leg), ("all joints free", free), ("with rotors", free),
+        ("without rotors", LEG),
+    ):  # fmt: skip
+        postures = [robot.posture(line.outcome.posture.q) for line in lines]
+        right = [posture.effective_mass(KICK.direction) for posture in postures]
+        assert list(map(float, cells[f"{row}, kg"])) == pytest.approx(right, rel=1e-3), row
+    assert cells["with stiff joints, kg"] == ["inf", "inf"]
+
+
+@pytest.mark.parametrize(("attack", "overlaps"), [(20.0, False), (70.0, True)])
+def test_the_text_counts_postures_and_joints_and_names_a_steep_normal(attack, overlaps):
+    leg = kd.Leg.from_robot("g1", legs_only=True)
+    kick = kd.Kick(speed=3.0, attack=np.radians(attack))
+    _, data, summary, lines = swept({"right_knee_joint": [0.3, 0.6, 0.9]}, kick, leg)
+    text = sweep_report.text(summary, lines, 10_000)
+    assert "The robot's 6 other joints are at 0" in text
+    fast = int((data.status == 1).sum())
+    assert f"3 postures: {3 - fast} ok{f', {fast} too-fast' if fast else ''}." in text
+    assert ("contact_normal_cone" in lines[0].explanation) is overlaps
+    none = summarize(data, "right_knee_joint > 90")
+    assert "No posture is ok where right_knee_joint > 90." in sweep_report.text(none, [])

@@ -138,12 +138,24 @@ def test_markers_and_angles_of_text_files(written):
     fastest = numbers(seen["fastest marker of the body"][0])
     assert fastest == pytest.approx([speed, times[-1]], rel=SHOWN)
 
-    table = "".join(f"{t}\t{-60.0 * t}\t{t}\n" for t in times)
+    angles = ["" if k in (3, 4, 9) else -60.0 * t for k, t in enumerate(times)]
+    table = "".join(f"{t}\t{a}\t{t}\n" for t, a in zip(times, angles, strict=True))
     head = "inDegrees=yes\nendheader\ntime\tknee_angle_r\tpelvis_tx\n"
     seen = rows(written("kick.mot", head + table))
     assert seen["rate"] == (pytest.approx(200.0), "Hz")
     assert seen["coordinate knee_angle_r"] == (pytest.approx([-12.0, 0.0]), "deg")
+    assert seen["gaps of knee_angle_r"] == (3, "rows")
     assert seen["coordinate pelvis_tx"] == (pytest.approx([0.0, 0.2]), "m")
+
+
+def test_drives_and_scenes_say_what_they_have(written):
+    """The inertia of a rotor counts at its joint with the square of the gear ratio."""
+    drive = "{ rotor_inertia_kg_m2 = 2e-5, gear = 30 }"
+    seen = rows(written("drives.toml", f"[joints]\nknee = {drive}\n"))
+    assert seen["knee"] == (pytest.approx(30**2 * 2e-5), "kg m2 at the joint")
+    scene = kd.check(SCENES[0])
+    assert list(map(str, scene.rows)) == list(map(str, kd.load_scene(SCENES[0])._rows()))
+    assert [command.split()[1] for command in scene.commands] == ["simulate", "view"]
 
 
 def test_a_ball_track_has_the_rate_and_the_flights_of_the_match(match_ball):

@@ -165,6 +165,8 @@ def test_a_row_without_a_coefficient_fails_and_the_others_do_not(coefficient, to
         values = many[name].values.reshape(len(velocity), -1)
         assert np.isnan(values).all(axis=1).tolist() == [False, True, False, True][: len(velocity)]
     assert not many.outside[1]
+    beyond = kd.BallState(velocity=[(1, 0, 1e200), (1, 0, 5)])  # of float64, without air
+    assert fly_many(beyond, BALL, time_limit=1e300).status.values.tolist() == [2, 0]
 
 
 def test_the_dataset_has_units_flags_and_arguments(tmp_path):
@@ -192,20 +194,6 @@ def test_outside_are_flights_that_leave_the_data_at_launch_apex_or_landing(air):
         )  # fmt: skip
         assert bool(many.outside[i]) == left, i
     assert many.outside.values.any() == (air is not None)
-
-
-@pytest.mark.parametrize("way", [True], indirect=True)
-@pytest.mark.parametrize("tol", [1e-5, 1e-8, 1e-11])
-def test_the_error_of_each_flight_is_at_or_above_the_truth(tol):
-    """Against the finest flights that can be asked for, which have errors of their own."""
-    states, ground = launches(200, seed=21, height=0.5), kd.Ground()
-    many, exact = (fly_many(states, BALL, AIR, ground, t, error=True) for t in (tol, 1e-13))
-    moved = many.landing_position.values - exact.landing_position.values
-    true, error = np.linalg.norm(moved, axis=1), many.error.values
-    assert (error + exact.error.values >= true).all()
-    seen = true > 0.01 * tol * np.maximum(exact.range.values, exact.height.values)
-    assert np.count_nonzero(seen) > 30
-    assert np.median(error[seen] / true[seen]) < 10
 
 
 @pytest.mark.parametrize("way", [False], indirect=True)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from tolerances import closed_form, integrated
+from tolerances import agrees, closed_form, integrated
 
 import kickdyn as kd
 from kickdyn.flight.batch import MARCH
@@ -163,7 +163,7 @@ def test_no_event_of_a_millisecond_is_missed(fly_all, monkeypatch):
 @pytest.mark.parametrize("radius", [0.1, 0.3, 0.6])
 @pytest.mark.parametrize("speed", [3.0, 30.0, 100.0])
 def test_a_ball_in_a_vacuum_enters_a_sphere_in_its_way(radius, speed):
-    """It flies a parabola in two or three steps."""
+    """It flies the parabola of the closed form in two or three steps."""
     centre = np.array([speed / 4, 0.0, 0.3])
     sphere = Event("in", KINDS["sphere"][0], (*centre, radius))
     path = kd.fly(kd.BallState(velocity=(speed, 0, 9.81 / 4)), BALL, None, ends=[sphere])
@@ -171,6 +171,8 @@ def test_a_ball_in_a_vacuum_enters_a_sphere_in_its_way(radius, speed):
     way = path.landing.position - centre
     assert length(*way) == pytest.approx(radius, abs=integrated(1e-9) * speed)
     assert path.landing.position[0] < centre[0]
+    t = path.duration
+    agrees(path.landing.position, [speed * t, 0, 9.81 * (t - 2 * t**2) / 4], integrated(1e-9))
 
 
 @pytest.mark.parametrize(("velocity", "rates", "ends"), [

@@ -1,7 +1,6 @@
 """A ball followed until it rests: bounces by hand, energy, continuity, ends, refusals."""
 
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -80,13 +79,6 @@ def test_without_ground_a_ball_runs_on_turf_under_its_launch(height):
     same = kd.follow(launch, BALL, kd.Air(), kd.Ground(height - BALL.radius, "turf"))
     assert course.rest.position[2] == pytest.approx(height, abs=closed_form(10))
     assert course.rest.position.tolist() == same.rest.position.tolist()
-
-
-def test_a_course_can_be_pickled():
-    course = kd.follow(SHOT, BALL, kd.Air(), kd.Ground(0, "carpet"), tol=1e-6)
-    copy, half = pickle.loads(pickle.dumps(course)), 0.5 * course.duration
-    assert (copy.status, copy.rest) == (course.status, course.rest)
-    assert copy.sample(half) == course.sample(half)
 
 
 @pytest.mark.parametrize(("state", "ball", "ground", "words"), [

@@ -9,7 +9,8 @@ from tolerances import closed_form, integrated
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.flight.equations import FINEST, FlightEquations
-from kickdyn.flight.events import CREST
+from kickdyn.flight.events import CREST, ground_event
+from kickdyn.flight.fly import fly_arc
 from kickdyn.flight.integrate import Tolerance, integrate, trajectory
 
 BALL = kd.Ball()
@@ -50,6 +51,17 @@ def test_the_error_falls_with_about_the_eighth_power_of_the_evaluations(velocity
     errors = [np.abs(each.state - exact).max() for each in arcs]
     slope, _ = np.polyfit(np.log([each.evaluations for each in arcs]), np.log(errors), 1)
     assert -slope > least
+
+
+def test_most_flights_take_no_step_anew_to_end_at_the_ground():
+    """The step before the last one foresees the end; a step takes twelve evaluations."""
+    draw, anew = np.random.default_rng(1), []
+    for velocity in draw.uniform((5, -3, 2), (30, 3, 12), (40, 3)):
+        start = launch(velocity, 0.5, draw.normal(0, 30, 3))
+        ground = ground_event(BALL, kd.Ground()).launched(start)
+        arc = fly_arc(start, BALL, kd.Air(), 1e-9, [ground], 1e3, None).arc
+        anew.append(arc.evaluations > 12 * len(arc.steps) + 1)
+    assert np.mean(anew) < 0.5
 
 
 def fall(_, y):

@@ -29,7 +29,8 @@ def trc(points, unit="mm", size=1000.0):
 
 @pytest.mark.parametrize(("unit", "size", "between", "gap"), [
     ("mm", 1000.0, "\t", ""), ("cm", 100.0, "\t\t", "0"), ("m", 1.0, " \t ", "-9999"),
-    ("inch", 1 / 0.0254, " ", "nan")])  # fmt: skip
+    ("inch", 1 / 0.0254, " ", "nan"), ("Meters", 1.0, "\t", ""), ("in", 1 / 0.0254, "\t", ""),
+    ("centimeters", 100.0, "\t", ""), ("millimeters", 1000.0, "\t", "")])  # fmt: skip
 def test_a_trc_file_in_metres_with_z_up(tmp_path, unit, size, between, gap):
     """Its values stand between any blanks; missing markers are empty, nan or one number thrice."""
     points, file = POINTS + 0.1, tmp_path / "kick.trc"

@@ -122,6 +122,8 @@ def test_deviations_are_those_of_repeated_measurements():
     joints = np.std(np.linalg.norm([one.joint_impulses[:, :3] for one in many], axis=2), axis=0)
     joints = dict(zip(LEG.joint_names, joints, strict=True))
     assert result.joint_deviations == pytest.approx(joints, rel=sampled(2 * draws))
+    drawn = [bar.get_width() for bar in result.plot().axes[0].patches]
+    assert drawn == pytest.approx([*result.joint_sizes.values()])
 
 
 def test_what_is_no_impact_is_refused():

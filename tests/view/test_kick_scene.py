@@ -176,7 +176,7 @@ def test_the_leg_passes_the_impact_with_its_velocities_within_its_limits(make_ki
 def test_a_support_stays_where_it_is():
     robot, foot = kd.Leg.from_robot("g1", base="floating", legs_only=True), "left_ankle_roll_link"
     leg = robot.with_supports(foot)
-    posture = leg.posture(leg.configuration({"right_hip_pitch_joint": -0.3}))
+    posture = leg.posture(leg.configuration({"right_hip_pitch_joint": -0.6}))
     v = posture.joint_velocity([4, 0, 1])
     hit = kd.strike(posture, v, kd.Ball(), kd.Contact((4, 0, 1), 0.8))
     data, places = leg.model.createData(), []
@@ -186,6 +186,13 @@ def test_a_support_stays_where_it_is():
         pin.framesForwardKinematics(leg.model, data, q)
         places.append(data.oMf[leg.model.getFrameId(foot)].homogeneous)
     np.testing.assert_allclose(places, [places[0]] * 4, atol=closed_form(1e3))
+    scene, _, text = drawn_kick(hit, kd.fly(hit.ball_after, kd.Ball()), lies=False)
+    start = f"leg/{leg.model.frames[leg.model.getFrameId(foot)].parentJoint}/"
+    soles = [scene.vertices(node) for node in scene.objects
+             if node.startswith(start) and "data" in scene.shape(node)]  # fmt: skip
+    floor, bottom = np.vstack(soles)[:, 2].min(), hit.ball_before.position[2] - hit.ball.radius
+    assert scene.point("ground")[2] == pytest.approx(floor, abs=5e-3)  # drawn meshes are finer
+    assert f"{bottom - scene.point('ground')[2]:.2g} m above" in text
 
 
 def test_a_ball_that_comes_or_rolls_is_shown_doing_so():

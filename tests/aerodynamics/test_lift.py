@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from kickdyn.aerodynamics.drag import BALLS, REYNOLDS_PER_SPEED, without_spin
 from kickdyn.aerodynamics.lift import MODELS
@@ -30,12 +28,3 @@ def test_saturating_is_within_20_percent_of_the_formula_in_its_range(ball):
             assert model(reynolds, spin) == pytest.approx(exact, rel=0.2), (reynolds, spin)
             if reynolds > 20 * REYNOLDS_PER_SPEED and reynolds < 32 * REYNOLDS_PER_SPEED:
                 assert model(reynolds, spin) == pytest.approx(exact, abs=0.04), (reynolds, spin)
-
-
-@pytest.mark.parametrize("name", MODELS)
-@settings(max_examples=25)
-@given(reynolds=st.floats(1e-12, 1e7), spin=st.floats(0, 10), more=st.floats(0, 10))
-def test_lift_is_zero_without_spin_and_grows_with_it(name, reynolds, spin, more):
-    low, high = sorted((spin, more))
-    assert MODELS[name](reynolds, 0.0) == 0.0
-    assert 0 <= MODELS[name](reynolds, low) <= MODELS[name](reynolds, high)

@@ -53,6 +53,15 @@ def test_a_urdf_has_the_masses_and_the_joints_of_pinocchio(file):
         right = [*ends, model.effortLimit[k], model.velocityLimit[k]]
         assert numbers(seen[f"joint {name}"][0]) == pytest.approx(right, rel=SHOWN), name
     assert (seen["faces"][0], seen["drives"][0][:4]) == ("x", "none")
+    leg = kd.Leg.from_urdf(file, seen["feet"][0].split(", ")[-1])
+    speed = dict(
+        zip(leg.joint_names, abs(leg.posture(leg.configuration()).jacobian[0]), strict=True)
+    )
+    ranges = re.findall(r"--joint (\w+)=(-?\d+):(-?\d+):10", kd.check(file).commands[-1])
+    assert {name for name, *_ in ranges} == set(sorted(speed, key=speed.get)[-2:])
+    for name, *ends in ranges:  # whole degrees within its range, up to 40 to either side
+        low, high = np.clip(np.degrees(leg.joint_range(name)), -40.0, 40.0)
+        assert [float(end) for end in ends] == [np.ceil(low - 1e-6), np.floor(high + 1e-6)]
 
 
 def test_an_mjcf_has_the_masses_and_the_rotors_of_mujoco():
@@ -84,6 +93,16 @@ def test_a_robot_that_is_turned_in_its_file_faces_another_axis(axis, yaw, kickdy
     assert all(feet in command for command in found.commands)
     assert "--support left_foot:0.7" in found.commands[0]
     kickdyn("check biped.urdf", code=2 if option else 0)
+
+
+def test_a_leg_that_is_turned_in_its_file_faces_another_axis_if_it_is_one(written):
+    text = (ROOT / "urdf" / "leg_testbed.urdf").read_text("utf-8")
+    root = kd.Leg.testbed().model.frames[1].name
+    turned = (f'<link name="ground"/><joint name="turn" type="fixed"><parent link="ground"/>'
+              f'<child link="{root}"/><origin rpy="0 0 {np.pi / 2}"/></joint></robot>')  # fmt: skip
+    seen = rows(written("leg.urdf", text.replace("</robot>", turned)))
+    assert seen["faces"][0] == "y"
+    assert seen["note"][0].startswith("if this is a leg, it faces y")
 
 
 def test_missing_meshes_are_one_problem_whose_remedy_works(kickdyn, written, tmp_path):

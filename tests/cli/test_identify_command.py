@@ -97,6 +97,9 @@ def test_the_segments_are_those_of_the_library(kickdyn, written, tmp_path):
         assert [float(end) for end in words[2].split("-")] == pytest.approx(ends, abs=6e-3)
         speed = np.linalg.norm(segment.velocity_after)
         assert float(words[4]) == pytest.approx(speed, abs=6e-3)
+    longer = sum(flight.duration >= 0.4 for flight in split.flights)
+    assert len(document["flights"]) + len(document["not_fitted"]) == longer > 0
+    assert document["too_short"] == len(split.flights) - longer > 0
     for name in ("restitution", "friction", "rolling_deceleration"):
         measured = getattr(split, name)
         assert document[name] == measured._asdict()

@@ -1,6 +1,5 @@
 """At the extremes every answer is right, as exact as it claims, or refused."""
 
-import dataclasses
 import re
 from pathlib import Path
 
@@ -47,22 +46,6 @@ def test_coefficients_of_the_air_agree_with_their_sources(kind, name):
     reynolds = (1e-300, 0.5, 3.0, 1e3, 4e4, 6e4, 1.9e5, 5.2e5, 9e5)
     row = extreme_flights.coefficient_case(kind, name, reynolds, (0.0, 0.05, 0.2))
     assert row.verdict == "right", row
-
-
-def test_a_wrong_coefficient_and_a_wrong_impulse_are_noticed(monkeypatch):
-    model = MODELS["drag"]["sphere"]
-    wrong = dataclasses.replace(model, function=lambda re, sp: model.function(re, sp) * (1 + 1e-13))
-    monkeypatch.setitem(MODELS["drag"], "sphere", wrong)
-    row = extreme_flights.coefficient_case("drag", "sphere", (3.0, 1e3), (0.0,))
-    assert row.verdict == "wrong"
-    right = extreme_impacts.answers
-
-    def answers(hit):
-        return right(hit) | {"impulse": hit.impulse * (1 + 1e-12)}
-
-    monkeypatch.setattr(extreme_impacts, "answers", answers)
-    row = extreme_impacts.judge("mass", next(extreme_impacts.masses()))
-    assert (row.verdict, row.quantity) == ("wrong", "impulse")
 
 
 # --- the references and the verdicts --------------------------------------------------------------

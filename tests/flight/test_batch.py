@@ -199,10 +199,11 @@ def test_outside_are_flights_that_leave_the_data_at_launch_apex_or_landing(air):
 @pytest.mark.parametrize("way", [False], indirect=True)
 def test_in_python_the_error_is_that_of_each_flight():
     states = launches(12, seed=7, height=0.5)
-    many = fly_many(states, BALL, AIR, kd.Ground(), 1e-5, error=True)
-    for i, error in enumerate(many.error.values):
-        one = kd.fly(row_of(states, i), BALL, AIR, kd.Ground(), 1e-5)
-        assert error == pytest.approx(one.error, rel=integrated(1e-5)), i
+    for air in (AIR, None):
+        many = fly_many(states, BALL, air, kd.Ground(), 1e-5, error=True)
+        for i, error in enumerate(many.error.values):
+            one = kd.fly(row_of(states, i), BALL, air, kd.Ground(), 1e-5)
+            assert error == pytest.approx(one.error, rel=integrated(1e-5)), i
 
 
 @pytest.mark.parametrize("plane", [None, kd.Plane((9, 0, 0), (-1, 0, 0.1))], ids=["ground", "wall"])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from shown_numbers import numbers_of
 from tolerances import agrees, closed_form, integrated, optimized
 
 import kickdyn as kd
@@ -47,6 +48,10 @@ def test_a_launch_from_a_force_is_that_of_eqs_15_to_21(up, left, up_2, left_2, s
     agrees(launch.spin, spin, closed_form(1e4))
 
 
+def shown_numbers(text):
+    return [number.value for number in numbers_of(text)]
+
+
 @pytest.mark.parametrize("row", "abc")
 def test_table_2_is_the_impulse_on_an_immovable_obstacle(items, row):
     """p = (1 + e) v m by Eq. (10) without the ball's term, at the printed foot angle."""
@@ -62,7 +67,13 @@ def test_table_2_is_the_impulse_on_an_immovable_obstacle(items, row):
         assert item.ours == pytest.approx(1.8 * mass * share, rel=closed_form(1e3))
         assert item.ours == pytest.approx(paper, rel=0.003)
         assert (item.paper, item.verdict) == (paper, "fitted")
+    least, most, e_least, e_most, fit, of = shown_numbers(items[f"Table 2 {row}"].why)
+    assert (least <= 5 - 10 <= most, e_least <= 0.8 <= e_most < 1.01) == (True, True)
+    assert 0 < fit < of == 32 * 141
     with_ball = items[f"Table 2 {row} with the ball"]
+    bound, _, sure, _ = shown_numbers(with_ball.why)[1:]
+    assert with_ball.ours <= bound <= 1.8 * 0.45
+    assert sure == pytest.approx(bound * 2.0 / 1.8, abs=0.02)
     assert with_ball.ours == pytest.approx(1.8 / (1 / mass + 1 / 0.45), rel=closed_form(1e3))
     assert with_ball.verdict == "not-reachable"
 
@@ -186,6 +197,9 @@ def test_tables_4_5_predict_the_rows_that_are_not_fitted(items):
         assert item.ours == pytest.approx(row.experiment, rel=optimized(1e-7) if fitted else 0.1)
         simulated = items[f"{row.name} distance simulation"]
         assert (simulated.ours, simulated.paper) == (item.ours, row.simulation)
+    launch = tables_4_5.kick(tables_4_5.HIGH, tables_4_5.fit(DEFAULT), DEFAULT).launch
+    ratio = items["Tables 4-5 ball/foot speed ratio"].ours
+    assert ratio == pytest.approx(np.linalg.norm(launch.velocity) / 2.2, rel=closed_form(10))
     for bounded in ("ball/foot speed ratio", "(1 + e) s"):
         item = items[f"Tables 4-5 {bounded}"]
         assert item.ours > 2

@@ -106,6 +106,17 @@ def test_a_planned_motion_is_shown_with_its_configurations():
     in_the_picture(scene.slopes(passed))
 
 
+def test_a_slow_kick_has_the_arrows_of_a_fast_one(make_kick):
+    """A joint has one if its impulse is a twentieth of the largest."""
+    slow, fast = (make_kick(kd.Leg.human(), speed, friction=0.0) for speed in (1e-2, 10.0))
+    nodes = [set(drawn_kick(hit, path)[0].tracks) for hit, _, path in (slow, fast)]
+    sizes = np.linalg.norm(fast[0].joint_impulses[:, :3], axis=1)
+    most = max(sizes.max(), np.linalg.norm(fast[0].impulse))
+    right = {f"joint_arrows/{k + 1}" for k in range(3) if sizes[k] > 0.05 * most}
+    for drawn_nodes in nodes:
+        assert {node for node in drawn_nodes if node.startswith("joint_arrows")} == right
+
+
 def test_arrows_have_the_direction_and_length_of_their_impulses(kick, drawn):
     """To one scale, with the size at the tip; they appear at the impact, and move with joints."""
     impact, (scene, pace, _) = kick[0], drawn

@@ -11,7 +11,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.aerodynamics import drag, lift, spin_decay
-from kickdyn.aerodynamics.coefficient_model import CoefficientModel, ScaledCoefficient, smoothstep
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel, ScaledCoefficient
 
 HALF = CoefficientModel("drag", "half", lambda reynolds, spin: 0.5 + spin, (1, 9), (0, 1), "here")
 SHIPPED = [m for package in (drag, lift, spin_decay) for m in package.MODELS.values()]
@@ -50,11 +50,6 @@ def test_a_model_keeps_its_own_function_in_copies_and_pickles(again):
     twice = again(kd.Air(drag=ScaledCoefficient(mine, 2.0)))
     assert (twice.drag(1e5), repr(twice).count("'2 x brazuca'")) == (1.98, 1)
     assert all(again(model) is model for model in SHIPPED)
-
-
-@pytest.mark.parametrize(("x", "weight"), [(1e-300, 0), (1, 0), (10, 1), (1e300, 1)])
-def test_smoothstep_is_level_outside(x, weight):
-    assert smoothstep(x, 1.0, 10.0) == weight
 
 
 def test_the_page_has_every_model_with_its_range_and_source():

@@ -88,15 +88,12 @@ def test_the_table_has_the_numbers_of_the_document(kickdyn, tmp_path):
     for text in ended.out.splitlines():
         cells = re.split(r"  +", text.strip())
         table.setdefault(cells[0], cells[1:])
-    for row, name, scale in (
-        ("effective mass, kg", "effective_mass", 1.0),
-        ("impulse on the ball, N s", "impulse", 1.0),
-        ("launch angle, deg", "launch_angle", 180 / math.pi),
-        ("back spin, rad/s", "back_spin", 1.0),
-        ("carry distance, m", "carry", 1.0),
-        ("impulse in that joint, N s", "worst_joint_impulse", 1.0),
-    ):
-        right = [scale * entry[name] for entry in lines]
+    for row, name in {
+        "effective mass, kg": "effective_mass", "impulse on the ball, N s": "impulse",
+        "launch angle, deg": "launch_angle", "back spin, rad/s": "back_spin",
+        "carry distance, m": "carry", "impulse in that joint, N s": "worst_joint_impulse",
+    }.items():  # fmt: skip
+        right = [entry[name] * (180 / math.pi if "deg" in row else 1.0) for entry in lines]
         assert [float(cell) for cell in table[row]] == pytest.approx(right, rel=1e-3, abs=6e-3), row
     assert table["the same in the paper, N s"] == ["1.554", "0.944", "0.646"]
     assert (tmp_path / "s.png").stat().st_size > 0

@@ -4,10 +4,9 @@ import re
 from pathlib import Path
 
 import pytest
-from references.exact_leg import mp
 
 from extremes import extreme_flights, extreme_impacts
-from extremes.exact_coefficients import FORMULAS, MODELS, Constants
+from extremes.exact_coefficients import FORMULAS, MODELS
 from extremes.extreme_case import ExtremeCase
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "explanation" / "verification.md"
@@ -53,11 +52,6 @@ def test_coefficients_of_the_air_agree_with_their_sources(kind, name):
 
 def test_every_shipped_model_has_a_formula_in_any_number_of_digits():
     assert set(FORMULAS) == {(kind, name) for kind, models in MODELS.items() for name in models}
-    assert FORMULAS["drag", "stokes"](Constants(), 0.5, 0.0) == 48
-    assert FORMULAS["drag", "sphere"](Constants(), 0.5, 0.0) == 48
-    changed = Constants(seed=0)
-    assert Constants()(0.1) == mp.mpf(0.1) != changed(0.1)
-    assert (changed(0.0), changed.count) == (0, 1)
 
 
 @pytest.mark.parametrize(("error", "condition", "claimed", "verdict"),

@@ -239,9 +239,7 @@ ODD = kd.Event("odd", lambda state, _: float(str(state[0])))
 @pytest.mark.parametrize(("arguments", "options", "words"), [
     ((row_of(STATES, 0), BALL), {}, r"\(3,\).*fly_many"), ((STATES, 0.43), {}, "kickdyn.Ball"),
     ((STATES, BALL, AIR, kd.Ground()), {}, "flight 2 .*0.0598.* m inside the ground"),
-    ((STATES, BALL, AIR, None, 1e-14), {}, "tol is 1e-14"),
-    ((STATES, BALL, AIR, None, 0.1), {}, "tol is 0.1"),
-    ((STATES, BALL), {"time_limit": 0}, "time limit is 0"),
+    ((STATES, BALL), {"tol": 0.1}, "tol is 0.1"), ((STATES, BALL), {"time_limit": 0}, "limit is 0"),
     ((STATES, BALL), {"error": 1}, "error is 1.*True"),
     ((STATES, BALL, kd.Air(drag=Table())), {}, "drag .*Table.*numba.*fly"),
     ((STATES, BALL, kd.Air(drag=reads_a_file)), {}, "drag 'reads_a_file'.*numba.*fly"),

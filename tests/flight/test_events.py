@@ -76,8 +76,6 @@ def one_of_two(state, n):
 KINDS = {
     "sphere": (lambda s, n: ((s[0] - n[0]) ** 2 + (s[1] - n[1]) ** 2 + (s[2] - n[2]) ** 2) ** 0.5
                - n[3], lambda p, r, s, draw: (*p, r)),
-    "square": (lambda s, n: (s[0] - n[0]) ** 2 + (s[1] - n[1]) ** 2 + (s[2] - n[2]) ** 2 - n[3]
-               ** 2, lambda p, r, s, draw: (*p, r)),
     "post": (lambda s, n: ((s[0] - n[0]) ** 2 + (s[1] - n[1]) ** 2) ** 0.5 - n[3],
              lambda p, r, s, draw: (p[0], p[1], 0.0, r)),
     "slab": (lambda s, n: abs(n[0] * s[0] + n[1] * s[1] + n[2] * s[2] - 1.0) - n[3],

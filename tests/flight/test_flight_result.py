@@ -35,9 +35,6 @@ def test_arrival_is_on_the_path():
     end = path.landing.position
     agrees(path.arrival(end[0] * (1 + 1e-6)).position, end, integrated(1e-6))
     assert path.arrival(end[0] * (1 + 1e-4)) is None
-
-
-def test_no_arrival_after_the_end():
     wall = kd.Plane((10, 0, 0), (-1, 0, 0))
     for limit, reached, missed in (({"plane": wall}, 9.5, 10.5), ({"time_limit": 0.2}, 4.0, 6.0)):
         path = kd.fly(launch((25, 0, 10)), BALL, kd.Air(), **limit)

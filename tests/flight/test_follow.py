@@ -81,6 +81,15 @@ def test_without_ground_a_ball_runs_on_turf_under_its_launch(height):
     assert course.rest.position.tolist() == same.rest.position.tolist()
 
 
+def test_no_flight_takes_longer_than_1000_s_unless_that_is_asked_for():
+    up, ball = kd.BallState(velocity=(0, 0, 5000)), kd.Ball()
+    flights = kd.fly(up, ball), kd.follow(up, ball), kd.fly(up, ball, time_limit=2e3)
+    assert [path.duration for path in flights[:2]] == [1000, 1000]
+    assert flights[2].duration == pytest.approx(10_000 / G, rel=closed_form())
+    for many in (kd.fly_many, kd.follow_many):
+        assert many(kd.BallState(velocity=[up.velocity]), ball).duration.values == [1000]
+
+
 @pytest.mark.parametrize(("state", "ball", "ground", "words"), [
     (SHOT, BALL, kd.Ground(), "no surface.*turf"),
     (SHOT, BALL, kd.Ground(5.0, "turf"), "inside the ground"),

@@ -78,6 +78,10 @@ def test_before_the_first_kick_it_knows_the_prior():
     learner = learner_for(scatter=0.02, deviation=0.5)
     theta = np.array([0, 0, 0, logit(E0), 0, 0])
     assert learner.deviations == pytest.approx(PRIOR)
+    assert [*PRIOR.values()] == [0.3, 2.0, 2.0, 0.1, 0.05, 0.05]
+    plain = kd.Learner(GOAL, BALL, MODEL)
+    same = learner_for(restitution=0.8, scatter=0.03, deviation=0.05)
+    agrees(plain.landing_scatter, same.landing_scatter, optimized(1e-7))
     assert unknowns_of(learner) == pytest.approx(theta)
     assert landing(learner.command, theta) == pytest.approx([30.0, 0.0, 1.5], abs=optimized())
     by = slopes(learner.command, theta)[:2]

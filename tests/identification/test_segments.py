@@ -117,8 +117,8 @@ def test_the_deviation_of_a_restitution_has_the_size_of_its_error():
 
 
 @pytest.mark.parametrize(("height", "braked", "up", "reason"), [
-    (0.2, 0.0, 4.0, "bounce"), (0.3, 0.0, 4.0, "touch"), (0.0, 9.0, 4.0, "bounce"),
-    (0.0, 11.0, 4.0, "touch"), (0.0, 0.0, 6.1, "bounce"), (0.0, 0.0, 6.5, "touch"),
+    (0.24, 0.0, 4.0, "bounce"), (0.255, 0.0, 4.0, "touch"), (0.0, 9.9, 4.0, "bounce"),
+    (0.0, 10.1, 4.0, "touch"), (0.0, 0.0, 6.1, "bounce"), (0.0, 0.0, 6.5, "touch"),
 ])  # fmt: skip
 def test_a_bounce_is_near_the_ground_with_friction_of_1_at_most(height, braked, up, reason):
     """The height is that of the ball's centre above rest; it rises no faster than it came down."""
@@ -164,7 +164,7 @@ def test_flights_leave_out_the_samples_near_their_cuts(duration, margin):
 
 
 def test_a_gap_of_a_quarter_second_and_a_ball_that_stays_down_begin_a_part():
-    seen = np.delete(np.linspace(0.0, 2.0, 201), slice(100, 130))
+    seen = np.delete(np.linspace(0.0, 2.0, 201), slice(100, 125))
     times, points = bounce_of_a_parabola(5.0, 0.0, 100)
     points[times > 0.5, 2] = BALL.radius
     for track, begins in (
@@ -185,14 +185,14 @@ def test_the_noise_of_a_track_is_that_of_its_samples():
 
 
 def test_a_tenth_of_the_samples_may_be_under_the_ground():
-    times = np.arange(100) / 100
-    few, many = (kd.Track(times, np.outer(times < share, (0, 0, -0.26))) for share in (0.09, 0.11))
+    times, shares = np.arange(1000) / 100, (0.98, 1.02)
+    few, many = (kd.Track(times, np.outer(times < share, (0, 0, -0.26))) for share in shares)
     kd.segments(few, BALL, GROUND)
     with pytest.raises(kd.InvalidInput, match="under the ground"):
         kd.segments(many, BALL, GROUND)
 
 
-@pytest.mark.parametrize(("speed", "kind"), [(0.1, REST), (1.5, ROLLING)])
+@pytest.mark.parametrize(("speed", "kind"), [(0.29, REST), (0.31, ROLLING)])
 @pytest.mark.parametrize("below", [-0.21, 0.21])
 def test_a_ball_on_the_ground_rests_or_rolls(speed, kind, below):
     """A tracker may be off by less than 0.25 m."""

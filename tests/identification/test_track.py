@@ -17,6 +17,7 @@ from kickdyn.identification.track import (
     _arrays_of,
     _frames_of_header,
     _send_c3d,
+    _within_reach,
     check_samples,
     doubts_of_track,
     refuse_units,
@@ -61,6 +62,14 @@ def test_rows_of_one_number_where_no_ball_could_be_are_gaps(tmp_path, number, st
     seen = [row for k, row in enumerate(rows) if k not in gaps]
     assert np.column_stack([track.times, track.positions]).tolist() == seen
     assert [f"5 rows of {number}" in line for line in track.warnings] == [True] * bool(gaps)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_ball_at_the_origin_comes_from_the_last_sample_and_goes_to_the_next(order):
+    times, x = np.array([0.0, 0.1, 0.6, 0.7, 0.8]), np.array([20.0, 0.0, 4.0, 3.0, 2.0])
+    rows = order * times, np.outer(x, (1.0, 0.0, 0.0)), x == 0.0
+    within = _within_reach(*(values[::order] for values in rows))
+    assert within[::order].tolist() == [True, False, True, True, True]  # 200 m/s to the second
 
 
 NAMES, ROWS = "t,x,y,z\n", np.array([[0.5, 1.25, 2, -3], [0.52, 1.5, 2.5, 4]])

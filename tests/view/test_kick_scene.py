@@ -255,3 +255,7 @@ def test_a_ball_that_need_not_lie_on_the_ground_is_on_a_tee_above_the_lowest_poi
     assert scene.shape("tee")["height"] == pytest.approx(bottom - floor)
     right = *hit.ball_before.position[:2], (bottom + floor) / 2
     assert scene.point("tee") == pytest.approx(right)
+    hit, ball, path = make_kick(kd.Leg.human(), 0.1, degrees=(0, 90, 0))  # the ball is lowest
+    scene, _, text = drawn_kick(hit, path, lies=False)
+    assert scene.point("ground")[2] == pytest.approx(hit.ball_before.position[2] - ball.radius)
+    assert text == ""

@@ -32,11 +32,9 @@ def course(seed):
     after = kd.follow(header, BALL, kd.Air(), GROUND)
     bounces = [cut + float(b.time) for b in after.bounces[:2]]
     times = np.arange(0.0, min(bounces[1] + 0.25, cut + after.duration), 1 / rate)
-    points = np.where(
-        (times < cut)[:, None],
-        before.sample(np.minimum(times, cut)).position,
-        after.sample(np.clip(times - cut, 0.0, after.duration)).position,
-    )
+    flown = before.sample(np.minimum(times, cut)).position
+    later = after.sample(np.clip(times - cut, 0.0, after.duration)).position
+    points = np.where((times < cut)[:, None], flown, later)
     return kd.Track(times, points + rng.normal(0.0, noise, points.shape)), [cut, *bounces]
 
 

@@ -74,15 +74,17 @@ def test_an_mjcf_has_the_masses_and_the_rotors_of_mujoco():
     assert np.radians([low, high]) == pytest.approx(model.joint("right_knee").range, rel=SHOWN)
 
 
+def turned(name, root, yaw):
+    """Return the text of a shipped robot that is turned in its file by an angle [deg]."""
+    joint = (f'<link name="ground"/><joint name="turn" type="fixed"><parent link="ground"/><child '
+             f'link="{root}"/><origin rpy="0 0 {np.radians(yaw)}"/></joint></robot>')  # fmt: skip
+    return (ROOT / "urdf" / name).read_text("utf-8").replace("</robot>", joint)
+
+
 @pytest.mark.parametrize(("axis", "yaw"), [("x", 0), ("y", 90), ("-x", 180), ("-y", -90)])
 def test_a_robot_that_is_turned_in_its_file_faces_another_axis(axis, yaw, kickdyn, written):
     """The commands turn it back, and the same foot kicks."""
-    turned = (
-        '<link name="ground"/><joint name="turn" type="fixed"><parent link="ground"/>'
-        f'<child link="trunk"/><origin rpy="0 0 {np.radians(yaw)}"/></joint></robot>'
-    )
-    biped = (ROOT / "urdf" / "biped.urdf").read_text("utf-8")
-    found = kd.check(written("biped.urdf", biped.replace("</robot>", turned)))
+    found = kd.check(written("biped.urdf", turned("biped.urdf", "trunk", yaw)))
     assert {name: value for name, value, _ in found.rows}["faces"] == axis
     option = [] if axis == "x" else [f"--facing {axis}"]
     assert len(found.problems) == len(option)
@@ -94,11 +96,8 @@ def test_a_robot_that_is_turned_in_its_file_faces_another_axis(axis, yaw, kickdy
 
 
 def test_a_leg_that_is_turned_in_its_file_faces_another_axis_if_it_is_one(written):
-    text = (ROOT / "urdf" / "leg_testbed.urdf").read_text("utf-8")
     root = kd.Leg.testbed().model.frames[1].name
-    turned = (f'<link name="ground"/><joint name="turn" type="fixed"><parent link="ground"/>'
-              f'<child link="{root}"/><origin rpy="0 0 {np.pi / 2}"/></joint></robot>')  # fmt: skip
-    seen = rows(written("leg.urdf", text.replace("</robot>", turned)))
+    seen = rows(written("leg.urdf", turned("leg_testbed.urdf", root, 90)))
     assert seen["faces"][0] == "y"
     assert seen["note"][0].startswith("if this is a leg, it faces y")
 

@@ -43,7 +43,6 @@ REFUSED = [
     ("tradeoff --scene paper_kick --plot x.bmp", "x.bmp", ".png"),
     # plans
     ("plan --distance 20 --height 1 --time 0.7 --wall 9.15:1.9 --no-limits", "wall", "edge"),
-    ("plan --distance 4 --apex 1 --pass turf", "pass", "time"),
     (f"{PLAN} --out a.csv", "--out is 'a.csv'", "--motion"),
     (f"{PLAN} --both-feet", "--both-feet", "--motion"),
     (f"{PLAN} --corrections 2", "--corrections is 2", "--run mujoco"),

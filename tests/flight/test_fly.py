@@ -58,18 +58,6 @@ every_air = pytest.mark.parametrize("air", AIRS.values(), ids=AIRS)
 
 
 @every_air
-@pytest.mark.parametrize("height", [-2.0, 100.0, None])
-def test_a_flight_ends_on_the_ground_or_at_the_height_of_the_launch(air, height):
-    ground = None if height is None else kd.Ground(height)
-    end = 7.0 if height is None else height + BALL.radius
-    start = launch(spin=(0, -40, 9), height=end if height is None else end + 1.5)
-    path = kd.fly(start, BALL, air, ground)
-    assert path.status == "landed"
-    assert path.landing.position[2] == pytest.approx(end, abs=closed_form(1e3))
-    assert path.landing.velocity[2] < 0
-
-
-@every_air
 @pytest.mark.parametrize("velocity", [(20, 0, 0), (20, 0, -5), (0, 0, 0)])
 def test_a_ball_on_the_ground_that_does_not_rise_has_landed(air, velocity):
     for ground, height in ((None, 3.0), (kd.Ground(), BALL.radius)):

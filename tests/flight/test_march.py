@@ -63,3 +63,13 @@ def test_a_ball_lands_where_it_first_meets_the_ground(gap, velocity, spin, air, 
     assert int(many.status[0]) == 0
     right = pytest.approx(path.duration, rel=integrated(tol), abs=closed_form(10))
     assert float(many.duration[0]) == right
+
+
+@pytest.mark.parametrize("tol", [1e-3, 1e-9])
+def test_a_ball_that_leaves_a_wall_is_blown_back_to_it_within_a_step(tol):
+    wall, air = kd.Plane((0, 0, 0), (1, 0, 0), "centre"), kd.Air(wind=(-40, 0, 0))
+    state = kd.BallState((0, 0, 1), [(0.1, 0, 9)])
+    many = fly_many(state, BALL, air, kd.Ground(), tol, plane=wall)
+    path = kd.fly(part(state, 0), BALL, air, kd.Ground(), tol, plane=wall)
+    assert (path.status, int(many.status[0])) == ("at-plane", 3)
+    assert 0 < float(many.duration[0]) == pytest.approx(path.duration, rel=integrated(tol))

@@ -77,10 +77,8 @@ def test_a_still_view_sends_what_moves(kick, make_kick):
     browser = Browser(view)
     browser.next_update()
     view.update(other, other_path, caption="slower")
-    update, right = (
-        browser.next_message(),
-        StillKick(impact, path).moves(other, other_path, "slower"),
-    )
+    update, still = browser.next_message(), StillKick(impact, path)
+    right = still.moves(other, other_path, "slower")
     assert [base64.b64decode(text) for text in update["moves"]] == right.commands
     assert right.panel in update["caption"]
     assert right.labels in update["labels"]

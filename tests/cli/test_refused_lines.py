@@ -15,7 +15,6 @@ LONG = "x" * 5000
 REFUSED = [
     # words that click cannot read, unknown names, empty values
     ("simulat", "'simulat'", "'simulate'"),
-    (f"{SWEEP} --speed fast", "'fast'", "float"),
     (f"{PLAN} --json ''", "--json is empty"),
     ("plan --time 1", "--distance"),
     (f"{PLAN} --beside 9", "'9'", "DISTANCE:LEFT"),
@@ -37,7 +36,6 @@ REFUSED = [
     (f"{SWEEP} --resume", "--resume", "--out DIR.zarr"),
     (f"{SWEEP} --view p.txt", "p.txt", ".html"),
     (f"{SWEEP} --leg page.html --json page.html", "page.html", "input"),
-    (f"{SWEEP} --plot x.png --json x.png", "x.png", "two outputs"),
     ("view paper_kick", "--out, --png or --json"),
     ("view paper_kick --json a.json --at 1", "--at", "--png"),
     ("tradeoff --scene paper_kick --plot x.bmp", "x.bmp", ".png"),

@@ -78,11 +78,7 @@ def test_the_drag_length_is_of_the_least_drag_on_the_way(drag, speed):
     assert 0.97 * low <= length <= 1.01 * high
 
 
-def raising(reynolds, spin_parameter):
-    raise ArithmeticError("no data")
-
-
-@pytest.mark.parametrize("drag", [raising, constant(math.inf), lambda reynolds, spin: -0.1])
+@pytest.mark.parametrize("drag", [lambda *_: 1 / 0, constant(math.inf), lambda *_: -0.1])
 def test_a_drag_that_is_not_known_bounds_no_length(drag):
     assert drag_length(BALL, kd.Air(drag=drag))(np.array(20.0)) == math.inf
 

@@ -176,10 +176,8 @@ def test_a_gap_of_a_quarter_second_and_a_ball_that_stays_down_begin_a_part():
 
 
 def test_the_noise_of_a_track_is_that_of_its_samples():
-    noise = np.random.default_rng(1).normal(0.0, 0.02, (500, 3))
-    times = np.arange(500) / 100
-    track = kd.Track(times, thrown(times) + noise)
-    assert _noise(track) == pytest.approx(0.02, rel=sampled(1000))
+    times, noise = np.arange(500) / 100, np.random.default_rng(1).normal(0.0, 0.02, (500, 3))
+    assert _noise(kd.Track(times, thrown(times) + noise)) == pytest.approx(0.02, rel=sampled(1000))
 
 
 def test_a_tenth_of_the_samples_may_be_under_the_ground():

@@ -76,6 +76,8 @@ def one_of_two(state, n):
 KINDS = {
     "sphere": (lambda s, n: ((s[0] - n[0]) ** 2 + (s[1] - n[1]) ** 2 + (s[2] - n[2]) ** 2) ** 0.5
                - n[3], lambda p, r, s, draw: (*p, r)),
+    "square": (lambda s, n: (s[0] - n[0]) ** 2 + (s[1] - n[1]) ** 2 + (s[2] - n[2]) ** 2 - n[3]
+               ** 2, lambda p, r, s, draw: (*p, r)),
     "post": (lambda s, n: ((s[0] - n[0]) ** 2 + (s[1] - n[1]) ** 2) ** 0.5 - n[3],
              lambda p, r, s, draw: (p[0], p[1], 0.0, r)),
     "slab": (lambda s, n: abs(n[0] * s[0] + n[1] * s[1] + n[2] * s[2] - 1.0) - n[3],
@@ -84,6 +86,7 @@ KINDS = {
             - n[3], lambda p, r, s, draw: (*p, r)),
     "speed": (lambda s, n: abs((s[3] ** 2 + s[4] ** 2 + s[5] ** 2) ** 0.5 - n[0]) - n[1],
               lambda p, r, s, draw: (length(*s[3:6]), 0.1 * r)),
+    "height": (lambda s, n: abs(s[2] - n[0]) - n[1], lambda p, r, s, draw: (p[2], r)),
     "tilted": (tilted, lambda p, r, s, draw: (draw.uniform(-300, 300), p[0], p[2], s[6])),
     "one of two": (one_of_two, lambda p, r, s, draw: (p[0], p[2], p[0] + draw.uniform(-8, 8), r)),
 }  # fmt: skip

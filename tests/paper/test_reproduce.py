@@ -48,10 +48,6 @@ def test_a_launch_from_a_force_is_that_of_eqs_15_to_21(up, left, up_2, left_2, s
     agrees(launch.spin, spin, closed_form(1e4))
 
 
-def shown_numbers(text):
-    return [number.value for number in numbers_of(text)]
-
-
 @pytest.mark.parametrize("row", "abc")
 def test_table_2_is_the_impulse_on_an_immovable_obstacle(items, row):
     """p = (1 + e) v m by Eq. (10) without the ball's term, at the printed foot angle."""
@@ -67,11 +63,12 @@ def test_table_2_is_the_impulse_on_an_immovable_obstacle(items, row):
         assert item.ours == pytest.approx(1.8 * mass * share, rel=closed_form(1e3))
         assert item.ours == pytest.approx(paper, rel=0.003)
         assert (item.paper, item.verdict) == (paper, "fitted")
-    least, most, e_least, e_most, fit, of = shown_numbers(items[f"Table 2 {row}"].why)
+    shown = [number.value for number in numbers_of(items[f"Table 2 {row}"].why)]
+    least, most, e_least, e_most, fit, of = shown
     assert (least <= 5 - 10 <= most, e_least <= 0.8 <= e_most < 1.01) == (True, True)
     assert 0 < fit < of == 32 * 141
     with_ball = items[f"Table 2 {row} with the ball"]
-    bound, _, sure, _ = shown_numbers(with_ball.why)[1:]
+    bound, _, sure, _ = (number.value for number in numbers_of(with_ball.why)[1:])
     assert with_ball.ours <= bound <= 1.8 * 0.45
     assert sure == pytest.approx(bound * 2.0 / 1.8, abs=0.02)
     assert with_ball.ours == pytest.approx(1.8 / (1 / mass + 1 / 0.45), rel=closed_form(1e3))

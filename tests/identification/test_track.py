@@ -210,11 +210,9 @@ def test_the_frames_of_a_header_are_in_the_order_of_its_processor(tmp_path, orde
     ids=["more", "fewer", "two lists", "three lists"])  # fmt: skip
 def test_the_first_labels_of_a_c3d_file_name_its_points(lists, labels):
     lists = {f"LABELS{k + 1 if k else ''}": {"value": names} for k, names in enumerate(lists)}
-    content = {
-        "parameters": {"POINT": {"RATE": {"value": [500.0]}, **lists}},
-        "header": {"points": {"first_frame": 4}},
-        "data": {"points": np.arange(24.0).reshape(4, 3, 2)},
-    }
+    content = {"parameters": {"POINT": {"RATE": {"value": [500.0]}, **lists}},
+               "header": {"points": {"first_frame": 4}},
+               "data": {"points": np.arange(24.0).reshape(4, 3, 2)}}  # fmt: skip
     read = _arrays_of(content)
     assert read["labels"].tolist() == labels
     assert read["data"][1].tolist() == [[2, 8, 14], [3, 9, 15]]  # frames of the second point

@@ -47,6 +47,7 @@ def test_copies_are_the_same_and_read_only(name):
     for way, copied in WAYS.items():
         result = copied(original)
         assert type(result) is type(original)
+        assert "object at 0x" in repr(original) or repr(result) == repr(original)
         assert writeable(result) == []
         of_copy = list(arrays(vars(result)))
         of_original = list(arrays({key: getattr(original, key) for key in vars(result)}))

@@ -8,13 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.aerodynamics import drag, lift, spin_decay
-from kickdyn.aerodynamics.coefficient_model import CoefficientModel, ScaledCoefficient, smoothstep
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel, ScaledCoefficient
 
 HALF = CoefficientModel("drag", "half", lambda reynolds, spin: 0.5 + spin, (1, 9), (0, 1), "here")
 SHIPPED = [m for package in (drag, lift, spin_decay) for m in package.MODELS.values()]
@@ -53,23 +50,6 @@ def test_a_model_keeps_its_own_function_in_copies_and_pickles(again):
     twice = again(kd.Air(drag=ScaledCoefficient(mine, 2.0)))
     assert (twice.drag(1e5), repr(twice).count("'2 x brazuca'")) == (1.98, 1)
     assert all(again(model) is model for model in SHIPPED)
-
-
-@settings(max_examples=50)
-@given(s=st.floats(0.001, 0.999), low=st.floats(1e-3, 1e3), ratio=st.floats(1.1, 10))
-def test_smoothstep_is_the_incomplete_beta_function_of_the_logarithm(s, low, ratio):
-    """35 s^4 - 84 s^5 + 70 s^6 - 20 s^7 between the ends; its mirror image is its complement."""
-    high = low * ratio
-    weight = smoothstep(low * ratio**s, low, high)
-    right = 35 * s**4 - 84 * s**5 + 70 * s**6 - 20 * s**7
-    assert weight == pytest.approx(right, abs=closed_form(10 / math.log(ratio)))
-    mirrored = smoothstep(low * ratio ** (1 - s), low, high)
-    assert mirrored + weight == pytest.approx(1, abs=closed_form(10 / math.log(ratio)))
-
-
-@pytest.mark.parametrize(("x", "weight"), [(1e-300, 0), (1, 0), (10, 1), (1e300, 1)])
-def test_smoothstep_is_level_outside(x, weight):
-    assert smoothstep(x, 1.0, 10.0) == weight
 
 
 def test_the_page_has_every_model_with_its_range_and_source():

@@ -1,16 +1,11 @@
-"""Drag against published tables, other correlations, and the smoothness that integrators need."""
-
-import math
+"""Drag against published tables and other correlations; its formulas are in `tests/extremes`."""
 
 import numpy as np
 import pytest
 from fluids.drag import Barati, Clift, Clift_Gauvin
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from tolerances import closed_form
 
 import kickdyn as kd
-from kickdyn.aerodynamics.drag import BALLS, MODELS, REYNOLDS_PER_SPEED, brown_lawler, sphere
+from kickdyn.aerodynamics.drag import MODELS, REYNOLDS_PER_SPEED, sphere
 
 # Kiratidis & Leinweber 2018, evaluated by others from their Eq. 5 and Table 1
 SPEEDS = (5, 10, 12, 14, 16, 18, 20, 25, 30, 35)
@@ -33,41 +28,9 @@ def test_reynolds_per_speed_is_that_of_the_tunnel():
     assert air.density * diameter / air.viscosity == pytest.approx(REYNOLDS_PER_SPEED, rel=0.01)
 
 
-# Brown & Lawler 2003: their correlation at round Reynolds numbers
-@pytest.mark.parametrize(("reynolds", "cd"),
-    [(0.1, 247.5), (1, 27.60), (10, 4.13), (100, 1.073), (1e3, 0.463), (1e4, 0.411)])  # fmt: skip
-def test_brown_lawler_has_the_published_values(reynolds, cd):
-    assert brown_lawler(reynolds) == pytest.approx(cd, rel=1.2e-3)
-
-
 @pytest.mark.parametrize(
     ("other", "difference"), [(Clift_Gauvin, 0.01), (Barati, 0.06), (Clift, 0.08)])  # fmt: skip
 def test_sphere_agrees_with_other_correlations(other, difference):
     high, low = np.geomspace(10, 2e5, 100), np.geomspace(1, 10, 30)  # the correction fades in
     assert [sphere(x) for x in high] == pytest.approx([other(x) for x in high], rel=difference)
     assert [sphere(x) for x in low] == pytest.approx([other(x) for x in low], rel=0.172)
-
-
-@pytest.mark.parametrize("model", ["stokes", "sphere", "supercritical", *BALLS])
-@settings(max_examples=20)
-@given(reynolds=st.floats(1e-300, 1.0), spin=st.floats(0, 10))
-def test_creeping_flow_is_stokes(model, reynolds, spin):
-    assert MODELS[model](reynolds, spin) == pytest.approx(24 / reynolds, rel=closed_form())
-
-
-JOINS = [*((model, x) for model in ("sphere", "supercritical", *BALLS) for x in (1.0, 10.0)),
-    *((model, x) for model in ("supercritical", *BALLS) for x in (2e4, 7e4)),
-    *((model, 35 * REYNOLDS_PER_SPEED) for model in BALLS),
-    *(("goff-carre", share * 12.19 * REYNOLDS_PER_SPEED) for share in (0.9, 1.1))]  # fmt: skip
-
-
-@pytest.mark.parametrize("spin", [0.0, 0.05, 0.3])
-@pytest.mark.parametrize(("model", "join"), JOINS)
-def test_value_and_slope_are_continuous_where_formulas_join(model, join, spin):
-    """A jump of the slope over a step does not shrink with the step."""
-
-    def slope_jump(h):
-        up, here, down = (MODELS[model](join * math.exp(x), spin) for x in (h, 0.0, -h))
-        return abs((up - here) - (here - down)) / h
-
-    assert slope_jump(1e-4) < 0.12 * slope_jump(1e-3) + closed_form() / 1e-4

@@ -1,13 +1,10 @@
-"""Lift against published points and the formula that it was fitted to; spin decay."""
+"""Lift against published points and the formula that it was fitted to."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from kickdyn.aerodynamics import spin_decay
 from kickdyn.aerodynamics.drag import BALLS, REYNOLDS_PER_SPEED, without_spin
-from kickdyn.aerodynamics.lift import MODELS, saturating
+from kickdyn.aerodynamics.lift import MODELS
 
 
 def kiratidis_leinweber(ball, reynolds, spin):
@@ -31,34 +28,3 @@ def test_saturating_is_within_20_percent_of_the_formula_in_its_range(ball):
             assert model(reynolds, spin) == pytest.approx(exact, rel=0.2), (reynolds, spin)
             if reynolds > 20 * REYNOLDS_PER_SPEED and reynolds < 32 * REYNOLDS_PER_SPEED:
                 assert model(reynolds, spin) == pytest.approx(exact, abs=0.04), (reynolds, spin)
-
-
-# 0.47 Sp / (0.135 + Sp), by hand, where the Brazuca's drag is least
-@pytest.mark.parametrize(("spin", "cl"), [
-    (0.05, 0.1270), (0.10, 0.2000), (0.20, 0.2806), (0.30, 0.3241), (1.0, 0.4141)])  # fmt: skip
-def test_saturating_has_its_formula_beyond_the_drag_crisis(spin, cl):
-    assert saturating(17.7525 * REYNOLDS_PER_SPEED, spin) == pytest.approx(cl, abs=1e-4)
-    assert saturating(25 * REYNOLDS_PER_SPEED, spin) == pytest.approx(cl, rel=0.06)
-
-
-# Wang 2015: Sp^0.4 / 2; Nathan's calculator: 1.12 Sp / (0.583 + 2.333 Sp), both by hand
-@pytest.mark.parametrize(("name", "spin", "cl"), [
-    *(("wang", sp, cl) for sp, cl in ((0.1, 0.1991), (0.2, 0.2627), (0.4, 0.3466))),
-    *(("nathan", sp, cl) for sp, cl in ((0.1, 0.1372), (0.2, 0.2134), (0.4, 0.2955)))])  # fmt: skip
-def test_other_models_have_their_published_values(name, spin, cl):
-    assert MODELS[name](2.5e5, spin) == pytest.approx(cl, abs=1e-4)
-
-
-@pytest.mark.parametrize("name", MODELS)
-@settings(max_examples=25)
-@given(reynolds=st.floats(1e-12, 1e7), spin=st.floats(0, 10), more=st.floats(0, 10))
-def test_lift_is_zero_without_spin_and_grows_with_it(name, reynolds, spin, more):
-    low, high = sorted((spin, more))
-    assert MODELS[name](reynolds, 0.0) == 0.0
-    assert 0 <= MODELS[name](reynolds, low) <= MODELS[name](reynolds, high)
-
-
-# golf balls: Smits & Smith 1994, Tavares et al. 1999, as read by Nathan
-@pytest.mark.parametrize(("name", "beta"), [("smits-smith", 0.010), ("tavares", 0.012)])
-def test_spin_decay_has_the_published_coefficient(name, beta):
-    assert spin_decay.MODELS[name](2e5, 0.1) == beta

@@ -36,11 +36,9 @@ def numbers(text):
 @pytest.mark.parametrize("file", ROBOTS, ids=lambda file: file.stem)
 def test_a_urdf_has_the_masses_and_the_joints_of_pinocchio(file):
     seen, model = rows(file), pin.buildModelFromUrdf(str(file))
-    links = {
-        link.get("name"): float(mass.get("value"))
-        for link in ElementTree.parse(file).iter("link")
-        if (mass := link.find("inertial/mass")) is not None
-    }
+    links = ElementTree.parse(file).iter("link")
+    links = {link.get("name"): float(mass.get("value")) for link in links
+             if (mass := link.find("inertial/mass")) is not None}  # fmt: skip
     assert seen["mass"] == (pytest.approx(sum(links.values()), rel=closed_form()), "kg")
     for foot in seen["feet"][0].split(", "):
         side = foot.partition("_")[0] if "_" in foot else ""
@@ -53,6 +51,15 @@ def test_a_urdf_has_the_masses_and_the_joints_of_pinocchio(file):
         right = [*ends, model.effortLimit[k], model.velocityLimit[k]]
         assert numbers(seen[f"joint {name}"][0]) == pytest.approx(right, rel=SHOWN), name
     assert (seen["faces"][0], seen["drives"][0][:4]) == ("x", "none")
+    leg = kd.Leg.from_urdf(file, seen["feet"][0].split(", ")[-1])
+    speed = dict(
+        zip(leg.joint_names, abs(leg.posture(leg.configuration()).jacobian[0]), strict=True)
+    )
+    ranges = re.findall(r"--joint (\w+)=(-?\d+):(-?\d+):10", kd.check(file).commands[-1])
+    assert {name for name, *_ in ranges} == set(sorted(speed, key=speed.get)[-2:])
+    for name, *ends in ranges:  # whole degrees within its range, up to 40 to either side
+        low, high = np.clip(np.degrees(leg.joint_range(name)), -40.0, 40.0)
+        assert [float(end) for end in ends] == [np.ceil(low - 1e-6), np.floor(high + 1e-6)]
 
 
 def test_an_mjcf_has_the_masses_and_the_rotors_of_mujoco():
@@ -67,15 +74,17 @@ def test_an_mjcf_has_the_masses_and_the_rotors_of_mujoco():
     assert np.radians([low, high]) == pytest.approx(model.joint("right_knee").range, rel=SHOWN)
 
 
+def turned(name, root, yaw):
+    """Return the text of a shipped robot that is turned in its file by an angle [deg]."""
+    joint = (f'<link name="ground"/><joint name="turn" type="fixed"><parent link="ground"/><child '
+             f'link="{root}"/><origin rpy="0 0 {np.radians(yaw)}"/></joint></robot>')  # fmt: skip
+    return (ROOT / "urdf" / name).read_text("utf-8").replace("</robot>", joint)
+
+
 @pytest.mark.parametrize(("axis", "yaw"), [("x", 0), ("y", 90), ("-x", 180), ("-y", -90)])
 def test_a_robot_that_is_turned_in_its_file_faces_another_axis(axis, yaw, kickdyn, written):
     """The commands turn it back, and the same foot kicks."""
-    turned = (
-        '<link name="ground"/><joint name="turn" type="fixed"><parent link="ground"/>'
-        f'<child link="trunk"/><origin rpy="0 0 {np.radians(yaw)}"/></joint></robot>'
-    )
-    biped = (ROOT / "urdf" / "biped.urdf").read_text("utf-8")
-    found = kd.check(written("biped.urdf", biped.replace("</robot>", turned)))
+    found = kd.check(written("biped.urdf", turned("biped.urdf", "trunk", yaw)))
     assert {name: value for name, value, _ in found.rows}["faces"] == axis
     option = [] if axis == "x" else [f"--facing {axis}"]
     assert len(found.problems) == len(option)
@@ -84,6 +93,13 @@ def test_a_robot_that_is_turned_in_its_file_faces_another_axis(axis, yaw, kickdy
     assert all(feet in command for command in found.commands)
     assert "--support left_foot:0.7" in found.commands[0]
     kickdyn("check biped.urdf", code=2 if option else 0)
+
+
+def test_a_leg_that_is_turned_in_its_file_faces_another_axis_if_it_is_one(written):
+    root = kd.Leg.testbed().model.frames[1].name
+    seen = rows(written("leg.urdf", turned("leg_testbed.urdf", root, 90)))
+    assert seen["faces"][0] == "y"
+    assert seen["note"][0].startswith("if this is a leg, it faces y")
 
 
 def test_missing_meshes_are_one_problem_whose_remedy_works(kickdyn, written, tmp_path):
@@ -138,12 +154,24 @@ def test_markers_and_angles_of_text_files(written):
     fastest = numbers(seen["fastest marker of the body"][0])
     assert fastest == pytest.approx([speed, times[-1]], rel=SHOWN)
 
-    table = "".join(f"{t}\t{-60.0 * t}\t{t}\n" for t in times)
+    angles = ["" if k in (3, 4, 9) else -60.0 * t for k, t in enumerate(times)]
+    table = "".join(f"{t}\t{a}\t{t}\n" for t, a in zip(times, angles, strict=True))
     head = "inDegrees=yes\nendheader\ntime\tknee_angle_r\tpelvis_tx\n"
     seen = rows(written("kick.mot", head + table))
     assert seen["rate"] == (pytest.approx(200.0), "Hz")
     assert seen["coordinate knee_angle_r"] == (pytest.approx([-12.0, 0.0]), "deg")
+    assert seen["gaps of knee_angle_r"] == (3, "rows")
     assert seen["coordinate pelvis_tx"] == (pytest.approx([0.0, 0.2]), "m")
+
+
+def test_drives_and_scenes_say_what_they_have(written):
+    """The inertia of a rotor counts at its joint with the square of the gear ratio."""
+    drive = "{ rotor_inertia_kg_m2 = 2e-5, gear = 30 }"
+    seen = rows(written("drives.toml", f"[joints]\nknee = {drive}\n"))
+    assert seen["knee"] == (pytest.approx(30**2 * 2e-5), "kg m2 at the joint")
+    scene = kd.check(SCENES[0])
+    assert list(map(str, scene.rows)) == list(map(str, kd.load_scene(SCENES[0])._rows()))
+    assert [command.split()[1] for command in scene.commands] == ["simulate", "view"]
 
 
 def test_a_ball_track_has_the_rate_and_the_flights_of_the_match(match_ball):

@@ -2,6 +2,7 @@
 
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,10 +32,12 @@ def two_flights(written):
 def test_the_fits_are_those_of_the_library_and_of_the_track(
     two_flights, kickdyn, tmp_path, monkeypatch
 ):
-    """The table shows the numbers of the document, and the plot the longest flight."""
-    drawn = []
+    """The table shows the numbers of the document, the plot the longest flight, the page all."""
+    drawn, pages = [], []
+    page = SimpleNamespace(save=lambda file: None)
+    monkeypatch.setattr("kickdyn.view.page.page", lambda shown: pages.append(shown) or page)
     monkeypatch.setattr(Identification, "plot", lambda fit: drawn.append(fit) or Figure())
-    text = kickdyn("identify two.csv --json two.json --plot two.png").out
+    text = kickdyn("identify two.csv --json two.json --plot two.png --view two.html").out
     assert [fit.track.duration > 0.9 for fit in drawn] == [True]
     document = json.loads((tmp_path / "two.json").read_text())
     track = kd.Track.from_csv(two_flights)
@@ -61,6 +64,8 @@ def test_the_fits_are_those_of_the_library_and_of_the_track(
                 assert deviation == pytest.approx(fit.deviations[name], rel=0.06)
                 assert value == pytest.approx(fit.values[name], abs=0.06 * deviation)
     assert [fit.outliers for fit in fits] == [2, 1]
+    shown = {f"samples {f['first']}-{f['last']}": f["rms"] for f in document["flights"]}
+    assert {name: fit.rms for name, fit in pages[0].items()} == shown
     mean = mean_over_flights(fits, "drag")
     assert document["drag"] == pytest.approx(mean._asdict())
     assert document["drag"]["mean"] == pytest.approx(DRAG, rel=0.2)
@@ -92,6 +97,9 @@ def test_the_segments_are_those_of_the_library(kickdyn, written, tmp_path):
         assert [float(end) for end in words[2].split("-")] == pytest.approx(ends, abs=6e-3)
         speed = np.linalg.norm(segment.velocity_after)
         assert float(words[4]) == pytest.approx(speed, abs=6e-3)
+    longer = sum(flight.duration >= 0.4 for flight in split.flights)
+    assert len(document["flights"]) + len(document["not_fitted"]) == longer > 0
+    assert document["too_short"] == len(split.flights) - longer > 0
     for name in ("restitution", "friction", "rolling_deceleration"):
         measured = getattr(split, name)
         assert document[name] == measured._asdict()

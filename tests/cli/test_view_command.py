@@ -38,13 +38,10 @@ def test_a_document_has_the_numbers_of_the_impact_and_the_flight(name, kickdyn):
     pin.forwardKinematics(leg.model, data, scene.q)
     turned = [data.oMi[k + 1].rotation @ wrench[:3] for k, wrench in enumerate(hit.joint_impulses)]
     right = {
-        "impulse": hit.impulse, "restitution": hit.restitution,
-        "ball_velocity": hit.ball_after.velocity, "ball_spin": hit.ball_after.spin,
+        "impulse": hit.impulse, "launch_angle": math.atan2(vz, math.hypot(vx, vy)),
         "foot_speed": np.linalg.norm(scene.posture.jacobian @ scene.v),
-        "launch_angle": math.atan2(vz, math.hypot(vx, vy)),
         "angles_deg": dict(zip(leg.joint_names, np.degrees(scene.q), strict=True)),
-        "time": shown.path.duration, "end": shown.path.landing.position,
-        "error": shown.model_error + shown.numerical_error,
+        "end": shown.path.landing.position,
     }  # fmt: skip
     for key, value in right.items():
         assert document[key] == pytest.approx(value, abs=closed_form(1e4)), key

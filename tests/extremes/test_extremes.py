@@ -1,17 +1,13 @@
 """At the extremes every answer is right, as exact as it claims, or refused."""
 
-import dataclasses
 import re
 from pathlib import Path
 
 import pytest
-from references.exact_leg import mp
-from tolerances import EPSILON
 
 from extremes import extreme_flights, extreme_impacts
-from extremes.exact_coefficients import FORMULAS, MODELS, Constants
+from extremes.exact_coefficients import FORMULAS, MODELS
 from extremes.extreme_case import ExtremeCase
-from extremes.gains import gains
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "explanation" / "verification.md"
 EXACT = ("posture", "mass", "coefficient", "approach", "short link")
@@ -51,39 +47,11 @@ def test_coefficients_of_the_air_agree_with_their_sources(kind, name):
     assert row.verdict == "right", row
 
 
-def test_a_wrong_coefficient_and_a_wrong_impulse_are_noticed(monkeypatch):
-    model = MODELS["drag"]["sphere"]
-    wrong = dataclasses.replace(model, function=lambda re, sp: model.function(re, sp) * (1 + 1e-13))
-    monkeypatch.setitem(MODELS["drag"], "sphere", wrong)
-    row = extreme_flights.coefficient_case("drag", "sphere", (3.0, 1e3), (0.0,))
-    assert row.verdict == "wrong"
-    right = extreme_impacts.answers
-
-    def answers(hit):
-        return right(hit) | {"impulse": hit.impulse * (1 + 1e-12)}
-
-    monkeypatch.setattr(extreme_impacts, "answers", answers)
-    row = extreme_impacts.judge("mass", next(extreme_impacts.masses()))
-    assert (row.verdict, row.quantity) == ("wrong", "impulse")
-
-
-def test_formulas_in_use_keep_what_the_plain_ones_lose():
-    """At a leg bent by 1e-5 rad the condition takes five digits."""
-    for gain in gains():
-        assert gain.our_error < EPSILON * (5e5 if "bent" in gain.what else 50), gain
-        assert gain.plain_error > 20 * gain.our_error, gain
-
-
 # --- the references and the verdicts --------------------------------------------------------------
 
 
 def test_every_shipped_model_has_a_formula_in_any_number_of_digits():
     assert set(FORMULAS) == {(kind, name) for kind, models in MODELS.items() for name in models}
-    assert FORMULAS["drag", "stokes"](Constants(), 0.5, 0.0) == 48
-    assert FORMULAS["drag", "sphere"](Constants(), 0.5, 0.0) == 48
-    changed = Constants(seed=0)
-    assert Constants()(0.1) == mp.mpf(0.1) != changed(0.1)
-    assert (changed(0.0), changed.count) == (0, 1)
 
 
 @pytest.mark.parametrize(("error", "condition", "claimed", "verdict"),

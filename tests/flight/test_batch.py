@@ -54,14 +54,12 @@ def assert_as_fly(states, ball, air, ground=None, tol=1e-12, rows=None, **option
         near, speed = integrated(tol, 1000), max(one.launch.speed, one.landing.speed)
         assert names[int(row.status)] == one.status, i
         for name, right, size in (
-            ("duration", one.duration, one.duration),
-            ("range", one.range, length),
-            ("height", one.height, length),
+            ("duration", one.duration, one.duration), ("range", one.range, length),
+            ("height", one.height, length), ("landing_velocity", one.landing.velocity, speed),
             ("landing_position", one.landing.position, length + 1.0),
-            ("landing_velocity", one.landing.velocity, speed),
             ("landing_spin", one.landing.spin, np.abs(one.launch.spin).max()),
             ("apex_position", one.apex.position, length + 1.0),
-        ):
+        ):  # fmt: skip
             values = row[name].values
             assert values == pytest.approx(right, abs=near * size + 1e-300), (name, i)
         assert float(row.apex_time) == pytest.approx(one.apex.time, abs=near * 10.0), i
@@ -165,6 +163,8 @@ def test_a_row_without_a_coefficient_fails_and_the_others_do_not(coefficient, to
         values = many[name].values.reshape(len(velocity), -1)
         assert np.isnan(values).all(axis=1).tolist() == [False, True, False, True][: len(velocity)]
     assert not many.outside[1]
+    beyond = kd.BallState(velocity=[(1, 0, 1e200), (1, 0, 5)])  # of float64, without air
+    assert fly_many(beyond, BALL, time_limit=1e300).status.values.tolist() == [2, 0]
 
 
 def test_the_dataset_has_units_flags_and_arguments(tmp_path):
@@ -178,7 +178,7 @@ def test_the_dataset_has_units_flags_and_arguments(tmp_path):
     assert dict(none.sizes) == {"axis": 3, "flight": 0}
 
 
-@pytest.mark.parametrize("air", [AIR, kd.Air(wind=lambda z: (2.0 * z, 0.0, 0.0)), None], ids=str)
+@pytest.mark.parametrize("air", [AIR, kd.Air(wind=lambda z: (2 * z, 0, 0)), kd.Air(0.0)], ids=str)
 def test_outside_are_flights_that_leave_the_data_at_launch_apex_or_landing(air):
     states = launches(60, 3)
     many = fly_many(states, BALL, air)
@@ -187,34 +187,21 @@ def test_outside_are_flights_that_leave_the_data_at_launch_apex_or_landing(air):
         nodes = path.launch, path.apex, path.landing
         place, velocity, spin = (np.array([getattr(node, name) for node in nodes])
                                  for name in ("position", "velocity", "spin"))  # fmt: skip
-        left = path.duration > 0 and air is not None and any(
+        left = path.duration > 0 and path.evaluations > 0 and any(
             out.any() for _, out in outside_ranges(place[:, 2], velocity, spin, BALL, air)
         )  # fmt: skip
         assert bool(many.outside[i]) == left, i
-    assert many.outside.values.any() == (air is not None)
-
-
-@pytest.mark.parametrize("way", [True], indirect=True)
-@pytest.mark.parametrize("tol", [1e-5, 1e-8, 1e-11])
-def test_the_error_of_each_flight_is_at_or_above_the_truth(tol):
-    """Against the finest flights that can be asked for, which have errors of their own."""
-    states, ground = launches(200, seed=21, height=0.5), kd.Ground()
-    many, exact = (fly_many(states, BALL, AIR, ground, t, error=True) for t in (tol, 1e-13))
-    moved = many.landing_position.values - exact.landing_position.values
-    true, error = np.linalg.norm(moved, axis=1), many.error.values
-    assert (error + exact.error.values >= true).all()
-    seen = true > 0.01 * tol * np.maximum(exact.range.values, exact.height.values)
-    assert np.count_nonzero(seen) > 30
-    assert np.median(error[seen] / true[seen]) < 10
+    assert many.outside.values.any() == (air.density > 0)
 
 
 @pytest.mark.parametrize("way", [False], indirect=True)
 def test_in_python_the_error_is_that_of_each_flight():
     states = launches(12, seed=7, height=0.5)
-    many = fly_many(states, BALL, AIR, kd.Ground(), 1e-5, error=True)
-    for i, error in enumerate(many.error.values):
-        one = kd.fly(row_of(states, i), BALL, AIR, kd.Ground(), 1e-5)
-        assert error == pytest.approx(one.error, rel=integrated(1e-5)), i
+    for air in (AIR, None):
+        many = fly_many(states, BALL, air, kd.Ground(), 1e-5, error=True)
+        for i, error in enumerate(many.error.values):
+            one = kd.fly(row_of(states, i), BALL, air, kd.Ground(), 1e-5)
+            assert error == pytest.approx(one.error, rel=integrated(1e-5), abs=0), i
 
 
 @pytest.mark.parametrize("plane", [None, kd.Plane((9, 0, 0), (-1, 0, 0.1))], ids=["ground", "wall"])
@@ -250,9 +237,7 @@ ODD = kd.Event("odd", lambda state, _: float(str(state[0])))
 @pytest.mark.parametrize(("arguments", "options", "words"), [
     ((row_of(STATES, 0), BALL), {}, r"\(3,\).*fly_many"), ((STATES, 0.43), {}, "kickdyn.Ball"),
     ((STATES, BALL, AIR, kd.Ground()), {}, "flight 2 .*0.0598.* m inside the ground"),
-    ((STATES, BALL, AIR, None, 1e-14), {}, "tol is 1e-14"),
-    ((STATES, BALL, AIR, None, 0.1), {}, "tol is 0.1"),
-    ((STATES, BALL), {"time_limit": 0}, "time limit is 0"),
+    ((STATES, BALL), {"tol": 0.1}, "tol is 0.1"), ((STATES, BALL), {"time_limit": 0}, "limit is 0"),
     ((STATES, BALL), {"error": 1}, "error is 1.*True"),
     ((STATES, BALL, kd.Air(drag=Table())), {}, "drag .*Table.*numba.*fly"),
     ((STATES, BALL, kd.Air(drag=reads_a_file)), {}, "drag 'reads_a_file'.*numba.*fly"),

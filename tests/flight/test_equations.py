@@ -78,6 +78,11 @@ def test_the_drag_length_is_of_the_least_drag_on_the_way(drag, speed):
     assert 0.97 * low <= length <= 1.01 * high
 
 
+@pytest.mark.parametrize("drag", [lambda *_: 1 / 0, constant(math.inf), lambda *_: -0.1])
+def test_a_drag_that_is_not_known_bounds_no_length(drag):
+    assert drag_length(BALL, kd.Air(drag=drag))(np.array(20.0)) == math.inf
+
+
 @pytest.mark.parametrize("tol", [1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("speed", [1e-6, 1.0, 1e3, 1e5, MAX_SPEED])
 def test_a_flight_is_right_relative_to_its_own_length(speed, tol):

@@ -1,5 +1,6 @@
 """What a flight tells: arrival at x, orientation, estimate of its error, warnings."""
 
+import itertools
 import math
 import re
 
@@ -34,9 +35,6 @@ def test_arrival_is_on_the_path():
     end = path.landing.position
     agrees(path.arrival(end[0] * (1 + 1e-6)).position, end, integrated(1e-6))
     assert path.arrival(end[0] * (1 + 1e-4)) is None
-
-
-def test_no_arrival_after_the_end():
     wall = kd.Plane((10, 0, 0), (-1, 0, 0))
     for limit, reached, missed in (({"plane": wall}, 9.5, 10.5), ({"time_limit": 0.2}, 4.0, 6.0)):
         path = kd.fly(launch((25, 0, 10)), BALL, kd.Air(), **limit)
@@ -134,6 +132,12 @@ def test_the_error_counts_narrow_features_of_a_coefficient_of_a_user(air, least)
     assert np.linalg.norm(path.landing.position - exact.landing.position) > least
 
 
+def test_the_error_is_infinite_where_no_finer_flight_can_be_integrated():
+    calls = itertools.count()
+    air = kd.Air(drag=lambda reynolds, spin: 0.2 if next(calls) < 1000 else math.nan)
+    assert kd.fly(launch((20, 0, 9)), BALL, air, tol=1e-4).error == math.inf
+
+
 @pytest.mark.parametrize("tol", [1e-8, 1e-12])
 def test_the_error_of_a_shot_straight_up_covers_that_of_its_duration(tol):
     """v_t / g (atan(v / v_t) + atanh(v' / v_t)), with terminal speed v_t and landing speed v'."""
@@ -160,12 +164,24 @@ def test_the_error_of_a_shot_straight_up_covers_that_of_its_duration(tol):
     (kd.Air(drag=None), (25, 0, 3), 120, "lift saturating: 100 %.*parameter above 0.3"),
     (kd.Air(drag=None), (12, 0, 3), 80, "below 15.1 m/s.*parameter above 0.3"),
     (kd.Air(drag=0.2, lift=None), (99, 0, 5), 0, None),
-    (kd.Air(drag=0.2, lift=0.1), (859, 0, 5), 0, "859 m/s.*Mach 0.3"), (None, (859, 0, 5), 0, None),
+    (kd.Air(drag=0.2, lift=0.1), (101, 0, 5), 0, "101 m/s.*Mach 0.3"), (None, (859, 0, 5), 0, None),
 ])  # fmt: skip
 def test_warnings_name_the_model_the_share_and_the_limit(air, velocity, spin, words):
     lines = kd.fly(launch(velocity, (0, -spin, 0)), BALL, air).warnings
     assert len(lines) == (words is not None)
     assert all(re.search(words, line) for line in lines), lines
+
+
+def test_the_share_outside_the_data_is_of_the_time_in_the_air():
+    air, ground = kd.Air(lift=None), kd.Ground(-BALL.radius, "turf")
+    course, outside = kd.follow(launch((20, 0, 8)), BALL, air, ground), 0.0
+    for flight in course.flights:
+        at = flight.sample(np.linspace(0, flight.duration, 1000))
+        ((_, rows),) = outside_ranges(at.position[:, 2], at.velocity, at.spin, BALL, air)
+        outside += flight.duration * rows.any(axis=0).mean()
+    right = 100 * outside / sum(flight.duration for flight in course.flights)
+    (line,) = course.warnings
+    assert float(re.search(r"(\d+) %", line)[1]) == pytest.approx(right, abs=2)
 
 
 def test_ranges_are_left_where_the_flow_relative_to_the_air_leaves_them():

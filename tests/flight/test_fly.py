@@ -1,12 +1,9 @@
-"""Flights against an independent integration, their symmetries, ends, samples and refusals."""
+"""Flights against an independent integration, their ends, samples and refusals."""
 
 import math
-import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from references.vector_flight import landing
 from tolerances import agrees, closed_form, integrated
 
@@ -19,10 +16,6 @@ KICK = (25, 3, 12)
 
 def launch(velocity=KICK, spin=(0, 0, 0), height=0.0, at=(0, 0)):
     return kd.BallState((*at, height), velocity, spin)
-
-
-def vectors(size):
-    return st.tuples(*[st.floats(-size, size)] * 3)
 
 
 SHOTS = {"kick": (launch((25, 2, 12), (5, -30, 15)), BALL, kd.Air()),
@@ -40,8 +33,9 @@ SHOTS = {"kick": (launch((25, 2, 12), (5, -30, 15)), BALL, kd.Air()),
     "a tonne": (launch((3, 0.5, 4), (5, -40, 20)), kd.Ball(1e3, 1e-3), kd.Air()),
     **{f"Re {re:g}": (launch((8, 1, 9), (5, -20, 10)), BALL,
     kd.Air(1.2, 1.2 * 2 * BALL.radius * 12 / re, drag="brazuca")) for re in (1e2, 3e4, 1e7)},
-    **{f"fall {v}": (launch(v, (4, -30, 9), 40 + BALL.radius), BALL, kd.Air(), kd.Ground())
-    for v in ((25, 0, 0), (20, 3, -15), (0, 0, -30), (0, 0, 0))},
+    **{f"fall {v}": (launch(v, spin, 40 + BALL.radius), BALL, kd.Air(), kd.Ground())
+    for v, *spin in (((25, 0, 0), 4, -30, 9), ((20, 3, -15), 4, -30, 9), ((0, 0, -30), 4, -30, 9),
+    ((0, 0, 0), 0, 0, 0))},
     }  # fmt: skip
 
 
@@ -59,46 +53,8 @@ def test_a_flight_lands_where_scipy_lands_it(name):
     assert not ground or (path.height, path.apex.time) == (0, 0)
 
 
-@settings(max_examples=12)
-@given(spin=vectors(60), wind=vectors(5), angle=st.floats(-3, 3), mirror=st.sampled_from([1, -1]))
-def test_a_flight_turns_and_mirrors_with_its_launch(spin, wind, angle, mirror):
-    """About the vertical; a spin turns the other way in a mirror."""
-    c, s = math.cos(angle), math.sin(angle)
-    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.diag([1, mirror, 1])
-    path = kd.fly(launch(spin=spin), BALL, kd.Air(wind=wind), tol=1e-12)
-    turned = launch(turn @ KICK, mirror * turn @ spin)
-    image = kd.fly(turned, BALL, kd.Air(wind=turn @ wind), tol=1e-12)
-    assert image.duration == pytest.approx(path.duration, rel=integrated(1e-12))
-    agrees(image.landing.position, turn @ path.landing.position, integrated(1e-12))
-    agrees(image.landing.spin, mirror * turn @ path.landing.spin, integrated(1e-12))
-
-
 AIRS = {"vacuum": None, "air": kd.Air(), "wind": kd.Air(wind=(2, 3, 0))}
 every_air = pytest.mark.parametrize("air", AIRS.values(), ids=AIRS)
-
-
-@every_air
-@pytest.mark.parametrize("height", [-2.0, 100.0, None])
-def test_a_flight_ends_on_the_ground_or_at_the_height_of_the_launch(air, height):
-    ground = None if height is None else kd.Ground(height)
-    end = 7.0 if height is None else height + BALL.radius
-    start = launch(spin=(0, -40, 9), height=end if height is None else end + 1.5)
-    path = kd.fly(start, BALL, air, ground)
-    assert path.status == "landed"
-    assert path.landing.position[2] == pytest.approx(end, abs=closed_form(1e3))
-    assert path.landing.velocity[2] < 0
-
-
-@pytest.mark.parametrize("early", [0.1, 0.01, 1e-4])
-def test_a_wall_before_the_crest_is_the_highest_point(early):
-    """The last step of the integration goes beyond the crest, the flight does not."""
-    free = kd.fly(launch(), BALL, AIRS["air"])
-    end = free.apex.time - early
-    point = free.sample(end).position
-    path = kd.fly(launch(), BALL, AIRS["air"], plane=kd.Plane(point, (-1, 0, 0), "centre"))
-    assert path.status == "at-plane"
-    assert path.apex.time == path.duration == pytest.approx(end, rel=integrated(1e-9))
-    assert path.height == pytest.approx(point[2], rel=integrated(1e-9))
 
 
 @every_air
@@ -110,18 +66,22 @@ def test_a_ball_on_the_ground_that_does_not_rise_has_landed(air, velocity):
         assert path.sample(0.0).velocity.tolist() == list(velocity)
 
 
-@pytest.mark.parametrize("air", [None, kd.Air(drag=0.2)], ids=str)
-@pytest.mark.parametrize(
-    "limit", [{"plane": kd.Plane((5, 0, 0), (-1, 0, 0))}, {"time_limit": 0.25}], ids=str
-)
-def test_the_apex_of_a_flight_that_ends_as_it_rises_is_its_end(air, limit):
-    start = launch((20, 0, 15), height=1.0)
+@pytest.mark.parametrize("air", [None, kd.Air()], ids=["vacuum", "air"])
+@pytest.mark.parametrize("end", ["plane", "time_limit"])
+@pytest.mark.parametrize("early", [0.1, 1e-4])
+def test_the_apex_of_a_flight_that_ends_as_it_rises_is_its_end(air, end, early):
+    """The last step of the integration goes beyond the crest, the flight does not."""
+    start, free = launch(height=1.0), kd.fly(launch(height=1.0), BALL, air)
+    time = free.apex.time - early
+    point = free.sample(time).position
+    limit = {end: time if end == "time_limit" else kd.Plane(point, (-1, 0, 0), "centre")}
     path = kd.fly(start, BALL, air, **limit)
     many = kd.fly_many(kd.BallState(start.position, [start.velocity]), BALL, air, **limit)
-    assert path.apex.time == path.duration
-    assert path.height == path.landing.position[2] - 1.0 > 1.0
-    assert many.apex_time.values[0] == many.duration.values[0]
-    assert many.height.values[0] == pytest.approx(path.height, rel=integrated(1e-9))
+    near = integrated(1e-9)
+    assert path.apex.time == path.duration == pytest.approx(time, rel=near)
+    assert path.height == path.landing.position[2] - 1.0 == pytest.approx(point[2] - 1.0, rel=near)
+    assert many.apex_time.values[0] == many.duration.values[0] == pytest.approx(time, rel=near)
+    assert many.height.values[0] == pytest.approx(path.height, rel=near)
 
 
 @pytest.mark.parametrize("upward", [1e-6, 1e-12, 1e-30])
@@ -167,22 +127,12 @@ def test_times_outside_the_flight_are_refused(t, words):
             sample(t)
 
 
-def test_a_flight_can_be_pickled():
-    path = kd.fly(launch(spin=(0, -30, 15)), BALL, kd.Air(), max_step=0.1)
-    again = pickle.loads(pickle.dumps(path))
-    assert (again.landing, again.evaluations) == (path.landing, path.evaluations)
-    assert (again.orientation(0.5).as_quat() == path.orientation(0.5).as_quat()).all()
-
-
 MANY = kd.BallState(np.zeros((2, 3)))
 
 
 @pytest.mark.parametrize(("arguments", "options", "words"), [
     ((MANY, BALL), {}, r"\(2, 3\).*fly_many"), ((None, BALL), {}, "state is None.*BallState"),
     ((launch(), 0.43), {}, r"ball is 0\.43.*kickdyn.Ball"),
-    ((launch(), BALL, "air"), {}, "air is 'air'.*kickdyn.Air"),
-    ((launch(), BALL, None, 0.0), {}, r"ground is 0\.0.*kickdyn.Ground"),
-    ((launch(), BALL), {"plane": 10.0}, r"plane is 10\.0.*kickdyn.Plane"),
     *(((launch(), BALL), {"tol": tol}, "tol is") for tol in (0, 1e-14, 0.1, math.nan, "1")),
     *(((launch(), BALL), {"time_limit": x}, "time limit is") for x in (0, -1, math.inf, None)),
     *(((launch(), BALL), {"max_step": x}, "max_step is") for x in (0, -1, math.nan, "1")),

@@ -1,7 +1,6 @@
 """A ball followed until it rests: bounces by hand, energy, continuity, ends, refusals."""
 
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -82,11 +81,13 @@ def test_without_ground_a_ball_runs_on_turf_under_its_launch(height):
     assert course.rest.position.tolist() == same.rest.position.tolist()
 
 
-def test_a_course_can_be_pickled():
-    course = kd.follow(SHOT, BALL, kd.Air(), kd.Ground(0, "carpet"), tol=1e-6)
-    copy, half = pickle.loads(pickle.dumps(course)), 0.5 * course.duration
-    assert (copy.status, copy.rest) == (course.status, course.rest)
-    assert copy.sample(half) == course.sample(half)
+def test_no_flight_takes_longer_than_1000_s_unless_that_is_asked_for():
+    up, ball = kd.BallState(velocity=(0, 0, 5000)), kd.Ball()
+    flights = kd.fly(up, ball), kd.follow(up, ball), kd.fly(up, ball, time_limit=2e3)
+    assert [path.duration for path in flights[:2]] == [1000, 1000]
+    assert flights[2].duration == pytest.approx(10_000 / G, rel=closed_form())
+    for many in (kd.fly_many, kd.follow_many):
+        assert many(kd.BallState(velocity=[up.velocity]), ball).duration.values == [1000]
 
 
 @pytest.mark.parametrize(("state", "ball", "ground", "words"), [

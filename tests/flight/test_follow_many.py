@@ -14,6 +14,7 @@ STATES = kd.BallState(RNG.uniform((0, 0, 0.11), (1, 1, 1.2), (N, 3)),
 TURF = kd.Ground(0.0, "turf")
 LYING = kd.BallState((0, 0, 0.11), [(0, 0, 0), (0, 0, 0), (0, 0, -1), (1e-9, 0, 0), (-2, 0, 0)],
                      [(0, 0, 0), (0, 0, 9), (0, 0, 0), (0, 0, 0), (0, -2 / 0.11, 0)])  # fmt: skip
+SLIDING = kd.BallState((0, 0, 0.11), [(8, 4, 0), (0, 12, 0), (3, 0, 0), (0, -9, 0)], (9, 5, 0))
 WIND, SHEAR = kd.Air(wind=(3, 1, 0)), kd.Air(wind=lambda z: (3.0 + 2.0 * z, 1.0, 0.0))
 
 
@@ -32,11 +33,12 @@ def far(state, numbers):
     (STATES, kd.Air(wind=(18, 1, 0)), {"time_limit": 6.0}, {"blown"}),
     (STATES, WIND, {"plane": kd.Plane((12, 0, 0), (-1, 0, 0))}, {"at-rest", "at-plane"}),
     (STATES, None, {"ends": [kd.Event("far", far)]}, {"at-rest", "far"}),
+    (SLIDING, None, {"ends": [kd.Event("far", far)]}, {"at-rest", "far"}),
     (STATES, None, {"ground": kd.Ground(0, kd.Surface("rubber", 1, 0.1, 0.1))}, {"bouncing"}),
     (LYING, None, {}, {"at-rest"}), (LYING, WIND, {}, {"at-rest"}),
     (LYING, kd.Air(wind=(30, 0, 0)), {"time_limit": 20.0}, {"blown"})],
-    ids=["vacuum", "steel", "wind", "storm", "wall", "event", "rubber", "lying", "lying in wind",
-    "lying in storm"])  # fmt: skip
+    ids=["vacuum", "steel", "wind", "storm", "wall", "event", "sliding", "rubber", "lying",
+    "lying in wind", "lying in storm"])  # fmt: skip
 def test_every_row_is_followed(states, air, options, statuses):
     options, ball = {"ground": TURF, **options}, kd.Ball(radius=0.11, pressure=80e3)
     many, seen, near = kd.follow_many(states, ball, air, **options), set(), integrated(1e-7)

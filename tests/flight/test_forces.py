@@ -69,7 +69,7 @@ SPIN, STILL = np.array([0.0, 1.0, 0.0]), np.zeros(3)
     (None, SPIN, True, False),
     (kd.Air(density=0.0), SPIN, True, False),
     (kd.Air(drag=None, lift=None, torque=None), SPIN, True, False),
-    (kd.Air(drag=None, lift=None), SPIN, False, True),
+    (kd.Air(0.5, drag=None, lift=None), SPIN, False, True),
     (kd.Air(drag=None), STILL, True, False),  # lift needs spin
     (kd.Air(drag=None, torque=None), SPIN, False, False),
     (kd.Air(lift=None), STILL, False, False),

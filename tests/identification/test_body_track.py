@@ -29,7 +29,8 @@ def trc(points, unit="mm", size=1000.0):
 
 @pytest.mark.parametrize(("unit", "size", "between", "gap"), [
     ("mm", 1000.0, "\t", ""), ("cm", 100.0, "\t\t", "0"), ("m", 1.0, " \t ", "-9999"),
-    ("inch", 1 / 0.0254, " ", "nan")])  # fmt: skip
+    ("inch", 1 / 0.0254, " ", "nan"), ("Meters", 1.0, "\t", ""), ("in", 1 / 0.0254, "\t", ""),
+    ("centimeters", 100.0, "\t", ""), ("millimeters", 1000.0, "\t", "")])  # fmt: skip
 def test_a_trc_file_in_metres_with_z_up(tmp_path, unit, size, between, gap):
     """Its values stand between any blanks; missing markers are empty, nan or one number thrice."""
     points, file = POINTS + 0.1, tmp_path / "kick.trc"
@@ -132,7 +133,7 @@ def test_markers_are_found_by_name_without_the_prefix_of_a_subject_and_gaps_are_
         kd.BodyTrack([0, 1, 2, 3], ["a", "b", "c"], points).marker_track("b")
 
 
-RADIUS = 0.11
+RADIUS = 0.05
 SPOTS = RADIUS * np.array(
     [(0, 0, 1), (0.6, 0, 0.8), (0, -0.8, 0.6), (-0.48, 0.6, 0.64), (0, 0.6, 0.8)]
 )
@@ -169,5 +170,5 @@ def test_the_centre_of_a_ball_is_as_far_from_all_markers_as_its_radius():
     for share in (0.951, 1.049):
         track, centre = ball_with_markers(share * corners)
         agrees(track.marker_track(*"abcd", radius=RADIUS).positions, centre, optimized())
-    with pytest.raises(kd.InvalidInput, match=r"5\.61 mm from a sphere"):
+    with pytest.raises(kd.InvalidInput, match=r"2\.55 mm from a sphere"):
         ball_with_markers(1.051 * corners)[0].marker_track(*"abcd", radius=RADIUS)

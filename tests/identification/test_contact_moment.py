@@ -34,6 +34,7 @@ def ball_track(force, begin=0.0, duration=2 * MEAN_TIME, noise=0.0, rate=500, se
 @pytest.mark.parametrize("begin", [0.0, 0.0013])
 def test_a_contact_begins_its_mean_time_before_the_paths_meet(force, begin):
     """Half of 3/4 of visible 9 to 14 ms: Ball et al., ISBS 2013; Nunome et al., ISBS 2012."""
+    assert pytest.approx(3 / 8 * (0.009 + 0.014) / 2, rel=0.03) == MEAN_TIME
     moment = contact_moment("contact", ball_track(force, begin))
     assert moment.time == pytest.approx(begin, abs=2e-5)
     assert moment.deviation == pytest.approx(MEAN_TIME_DEVIATION, rel=1e-3)

@@ -62,6 +62,10 @@ def test_noise_and_deviations_are_those_of_the_errors(noisy):
         assert motion.warnings == ()
         rms = np.sqrt(np.mean(np.square(list(motion.residuals.values()))))
         assert rms == pytest.approx(NOISE * np.sqrt(3 * 1152 / 1728), rel=sampled(2 * 1152))
+        shown = {name: (value, unit) for name, value, unit in motion._rows()}
+        assert shown["noise of a coordinate"] == (pytest.approx(1e3 * motion.noise), "mm")
+        foot = shown["residual of foot0"]
+        assert foot == (pytest.approx(1e3 * motion.residuals["foot0"]), "mm")
         at = motion.at_contact()
         scores += [pin.difference(LEG.model, state(0), at.posture.q) / at.q_deviations]
         scores += [(at.v - velocity(0)) / at.v_deviations]

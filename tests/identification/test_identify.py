@@ -175,7 +175,7 @@ def test_where_the_sum_of_squares_is_not_quadratic_the_deviation_is_that_of_its_
     ({"track": kd.Track(STRAIGHT.times, STRAIGHT.positions / 0.3048)}, "feet"),
     ({"track": kd.Track(1000 * STRAIGHT.times, STRAIGHT.positions)}, "milliseconds"),
     ({"track": kd.Track([*STRAIGHT.times[:-1], 1e9], STRAIGHT.positions)}, r"1e\+09 s.*30 s"),
-    ({"track": kd.Track(STRAIGHT.times, 0 * STRAIGHT.positions + 1)}, "stays at")
+    ({"track": kd.Track(STRAIGHT.times, 0 * STRAIGHT.positions + (1, 2, 3))}, "stays at")
 ], ids=range(11))  # fmt: skip
 def test_wrong_arguments_are_refused(options, message):
     with pytest.raises(kd.InvalidInput, match=message):

@@ -17,6 +17,7 @@ from kickdyn.identification.track import (
     _arrays_of,
     _frames_of_header,
     _send_c3d,
+    _within_reach,
     check_samples,
     doubts_of_track,
     refuse_units,
@@ -61,6 +62,14 @@ def test_rows_of_one_number_where_no_ball_could_be_are_gaps(tmp_path, number, st
     seen = [row for k, row in enumerate(rows) if k not in gaps]
     assert np.column_stack([track.times, track.positions]).tolist() == seen
     assert [f"5 rows of {number}" in line for line in track.warnings] == [True] * bool(gaps)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_ball_at_the_origin_comes_from_the_last_sample_and_goes_to_the_next(order):
+    times, x = np.array([0.0, 0.1, 0.6, 0.7, 0.8]), np.array([20.0, 0.0, 4.0, 3.0, 2.0])
+    rows = order * times, np.outer(x, (1.0, 0.0, 0.0)), x == 0.0
+    within = _within_reach(*(values[::order] for values in rows))
+    assert within[::order].tolist() == [True, False, True, True, True]  # 200 m/s to the second
 
 
 NAMES, ROWS = "t,x,y,z\n", np.array([[0.5, 1.25, 2, -3], [0.52, 1.5, 2.5, 4]])
@@ -131,15 +140,11 @@ def test_a_table_is_a_track_and_other_arguments_are_answered_with_how_to_make_on
     assert kd.Track(table.astype({"x": "Float64", "z": object})) == track
     ball = kd.Ball()
     for refused, message in (
-        (
-            lambda: kd.Track(table.drop(columns="z")),
-            r"positions.*t, x, y, z.*\['frame', .*from_csv",
-        ),
+        (lambda: kd.Track(table.drop(columns="z")), r"t, x, y, z.*\['frame', .*from_csv"),
         (lambda: kd.Track([0, 1]), "positions is missing.*from_csv"),
         (lambda: kd.Track(table.assign(z="three")), "column z .*real numbers"),
         (lambda: kd.Track(table.iloc[:0]), "no row"),
         (lambda: kd.identify(table, ball), r"track is .*DataFrame.*kd\.Track\(table\)"),
-        (lambda: kd.segments(table), r"kd\.Track\(table\)"),
         (lambda: kd.segments("track.csv"), "from_csv reads"),
     ):
         with pytest.raises(kd.InvalidInput, match=message) as error:
@@ -205,11 +210,9 @@ def test_the_frames_of_a_header_are_in_the_order_of_its_processor(tmp_path, orde
     ids=["more", "fewer", "two lists", "three lists"])  # fmt: skip
 def test_the_first_labels_of_a_c3d_file_name_its_points(lists, labels):
     lists = {f"LABELS{k + 1 if k else ''}": {"value": names} for k, names in enumerate(lists)}
-    content = {
-        "parameters": {"POINT": {"RATE": {"value": [500.0]}, **lists}},
-        "header": {"points": {"first_frame": 4}},
-        "data": {"points": np.arange(24.0).reshape(4, 3, 2)},
-    }
+    content = {"parameters": {"POINT": {"RATE": {"value": [500.0]}, **lists}},
+               "header": {"points": {"first_frame": 4}},
+               "data": {"points": np.arange(24.0).reshape(4, 3, 2)}}  # fmt: skip
     read = _arrays_of(content)
     assert read["labels"].tolist() == labels
     assert read["data"][1].tolist() == [[2, 8, 14], [3, 9, 15]]  # frames of the second point

@@ -11,8 +11,6 @@ from kickdyn.paper import fig_1
 from kickdyn.paper.fig_1 import self_motion
 
 LEG, START = kd.Leg.human(), np.radians([25, 40, 10])
-THIGH, SHANK, FOOT = 0.371, 0.443, 0.145
-"""Lengths of the paper's Table 1 [m]."""
 
 
 @pytest.fixture(scope="module")
@@ -29,17 +27,6 @@ def test_the_contact_point_stays_and_the_joints_go_from_limit_to_limit(postures)
     for end in (q[0], q[-1]):
         room = np.minimum(end - LEG.lower, LEG.upper - end).min()
         assert 0 <= room < 3 * fig_1.STEP
-
-
-def test_every_posture_obeys_the_law_of_cosines(postures):
-    """The knee angle follows from the distance of the ankle, which the foot's angle gives."""
-    for posture in postures[::20]:
-        hip, knee, ankle = posture.q
-        pitch = -hip + knee + ankle  # of the foot, below the horizontal
-        toe = posture.contact_point[[0, 2]]
-        distance = np.linalg.norm(toe - FOOT * np.array([np.cos(pitch), -np.sin(pitch)]))
-        cosine = (distance**2 - THIGH**2 - SHANK**2) / (2 * THIGH * SHANK)
-        assert math.acos(cosine) == pytest.approx(knee, abs=closed_form(1e4))
 
 
 def test_items_are_the_extremes_of_impulses_by_eq_10(postures):

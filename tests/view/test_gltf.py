@@ -12,6 +12,7 @@ from tolerances import agrees
 
 import kickdyn as kd
 from kickdyn.view.kick_scene import RATE
+from kickdyn.view.wall_and_goal import wall_boxes
 
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 """The world's z is glTF's y."""
@@ -19,7 +20,9 @@ Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 @pytest.fixture(scope="module")
 def saved(kick, tmp_path_factory):
-    page, file = kd.page(kick[0], kick[2]), tmp_path_factory.mktemp("gltf") / "kick.glb"
+    boxes = wall_boxes(np.array([0.0, 0.0, -1.0]), np.eye(3)[0], 3.0, 1.8, 1.0)
+    page = kd.page(kick[0], kick[2], scenery=boxes)
+    file = tmp_path_factory.mktemp("gltf") / "kick.glb"
     page.save(file)
     return page, file.read_bytes()
 
@@ -45,6 +48,11 @@ def test_ball_arrows_curve_and_leg_are_in_the_places_of_the_page(kick, saved):
         along = points @ vector / np.linalg.norm(vector)
         agrees(points[np.argmax(along)], vector, 10 * SINGLE)
         assert along.min() == pytest.approx(0.0, abs=SINGLE)
+    for corners in (placed(scene, f"scenery_{k}").round(5) for k in range(2)):
+        assert np.ptp(corners, axis=0) == pytest.approx([0.3, 0.45, 1.8], abs=1e-4)
+        assert corners.mean(axis=0)[[0, 2]] == pytest.approx([3.0, -0.1], abs=1e-4)
+    length = np.ptp(scene.geometry["arrow_shaft_mesh"].vertices, axis=0).max()
+    assert length == pytest.approx(drawn.shape("arrow/shaft")["height"], rel=10 * SINGLE)
     for node in ("ball/hexagons", "ball/pentagons", "curve", "arrow/head", "leg/0/person/0"):
         look = drawn.objects[node]["materials"][0]
         shown = scene.geometry[f"{node.replace('/', '_')}_mesh"].visual.material.baseColorFactor

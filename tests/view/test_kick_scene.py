@@ -106,6 +106,17 @@ def test_a_planned_motion_is_shown_with_its_configurations():
     in_the_picture(scene.slopes(passed))
 
 
+def test_a_slow_kick_has_the_arrows_of_a_fast_one(make_kick):
+    """A joint has one if its impulse is a twentieth of the largest."""
+    slow, fast = (make_kick(kd.Leg.human(), speed, friction=0.0) for speed in (1e-2, 10.0))
+    nodes = [set(drawn_kick(hit, path)[0].tracks) for hit, _, path in (slow, fast)]
+    sizes = np.linalg.norm(fast[0].joint_impulses[:, :3], axis=1)
+    most = max(sizes.max(), np.linalg.norm(fast[0].impulse))
+    right = {f"joint_arrows/{k + 1}" for k in range(3) if sizes[k] > 0.05 * most}
+    for drawn_nodes in nodes:
+        assert {node for node in drawn_nodes if node.startswith("joint_arrows")} == right
+
+
 def test_arrows_have_the_direction_and_length_of_their_impulses(kick, drawn):
     """To one scale, with the size at the tip; they appear at the impact, and move with joints."""
     impact, (scene, pace, _) = kick[0], drawn
@@ -176,7 +187,7 @@ def test_the_leg_passes_the_impact_with_its_velocities_within_its_limits(make_ki
 def test_a_support_stays_where_it_is():
     robot, foot = kd.Leg.from_robot("g1", base="floating", legs_only=True), "left_ankle_roll_link"
     leg = robot.with_supports(foot)
-    posture = leg.posture(leg.configuration({"right_hip_pitch_joint": -0.3}))
+    posture = leg.posture(leg.configuration({"right_hip_pitch_joint": -0.6}))
     v = posture.joint_velocity([4, 0, 1])
     hit = kd.strike(posture, v, kd.Ball(), kd.Contact((4, 0, 1), 0.8))
     data, places = leg.model.createData(), []
@@ -186,6 +197,13 @@ def test_a_support_stays_where_it_is():
         pin.framesForwardKinematics(leg.model, data, q)
         places.append(data.oMf[leg.model.getFrameId(foot)].homogeneous)
     np.testing.assert_allclose(places, [places[0]] * 4, atol=closed_form(1e3))
+    scene, _, text = drawn_kick(hit, kd.fly(hit.ball_after, kd.Ball()), lies=False)
+    start = f"leg/{leg.model.frames[leg.model.getFrameId(foot)].parentJoint}/"
+    soles = [scene.vertices(node) for node in scene.objects
+             if node.startswith(start) and "data" in scene.shape(node)]  # fmt: skip
+    floor, bottom = np.vstack(soles)[:, 2].min(), hit.ball_before.position[2] - hit.ball.radius
+    assert scene.point("ground")[2] == pytest.approx(floor, abs=5e-3)  # drawn meshes are finer
+    assert f"{bottom - scene.point('ground')[2]:.2g} m above" in text
 
 
 def test_a_ball_that_comes_or_rolls_is_shown_doing_so():
@@ -237,3 +255,7 @@ def test_a_ball_that_need_not_lie_on_the_ground_is_on_a_tee_above_the_lowest_poi
     assert scene.shape("tee")["height"] == pytest.approx(bottom - floor)
     right = *hit.ball_before.position[:2], (bottom + floor) / 2
     assert scene.point("tee") == pytest.approx(right)
+    hit, ball, path = make_kick(kd.Leg.human(), 0.1, degrees=(0, 90, 0))  # the ball is lowest
+    scene, _, text = drawn_kick(hit, path, lies=False)
+    assert scene.point("ground")[2] == pytest.approx(hit.ball_before.position[2] - ball.radius)
+    assert text == ""

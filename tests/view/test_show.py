@@ -11,6 +11,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.view.show import ADDRESS
+from kickdyn.view.still_kick import StillKick
 
 
 class Browser:
@@ -20,14 +21,18 @@ class Browser:
         self.stream = urllib.request.urlopen(f"{view.url}events", timeout=600)
         self.commands = {}
 
-    def next_update(self):
-        """Return the next update within 24 signs of life, and the commands of its scenes."""
+    def next_message(self):
+        """Return the next message within 24 signs of life."""
         waits, line = 0, b""
         while not line.startswith(b"data: "):
             line = self.stream.readline()
             waits += line.startswith(b": still here")
             assert waits < 24, "no message has come"
-        update = json.loads(line.removeprefix(b"data: "))
+        return json.loads(line.removeprefix(b"data: "))
+
+    def next_update(self):
+        """Return the next update, and the commands of its scenes."""
+        update = self.next_message()
         self.sent = update["commands"]
         self.commands |= {number: base64.b64decode(text) for number, text in self.sent}
         numbers = [number for scene in update["scenes"] for number in scene["commands"]]
@@ -63,6 +68,22 @@ def test_a_browser_gets_what_the_page_has(view, kick):
     assert 0 < len(browser.sent) < len(commands) / 2  # only what is new
     latecomer = Browser(view)
     assert not latecomer.next_update()[0]["keeps_camera"]
+
+
+def test_a_still_view_sends_what_moves(kick, make_kick):
+    impact, _, path = kick
+    other, _, other_path = make_kick(impact.posture.leg, 5.0, (20, 40, 0))
+    view = kd.show(impact, path, still=True)
+    browser = Browser(view)
+    browser.next_update()
+    view.update(other, other_path, caption="slower")
+    update, still = browser.next_message(), StillKick(impact, path)
+    right = still.moves(other, other_path, "slower")
+    assert [base64.b64decode(text) for text in update["moves"]] == right.commands
+    assert right.panel in update["caption"]
+    assert right.labels in update["labels"]
+    view.close()
+    assert not view.is_open
 
 
 def test_only_this_machine_and_who_knows_the_address_get_it(view):

@@ -39,6 +39,21 @@ def test_an_npz_has_named_arrays(walking, tmp_path):
             agrees(read["root_pos"][k], walking.q(t)[:3], READ)
 
 
+def test_a_yaml_is_a_trajectory_of_ros_from_its_begin_on(walking, tmp_path):
+    yaml = pytest.importorskip("yaml")
+    walking.save(tmp_path / "kick.yaml", rate=50)
+    read = yaml.safe_load((tmp_path / "kick.yaml").read_text("utf-8"))
+    assert read["joint_names"] == list(walking.robot.joint_names[1:])
+    assert len(read["points"]) == 59
+    for k, point in enumerate(read["points"]):
+        t, since = (k - 27) / 50, point["time_from_start"]
+        assert since["sec"] + 1e-9 * since["nanosec"] == pytest.approx(k / 50, abs=1e-9)
+        assert 0 <= since["nanosec"] < 1e9
+        agrees(point["positions"], walking.q(t)[7:], READ)
+        agrees(point["velocities"], walking.v(t)[6:], READ)
+        agrees(point["effort"], walking.torque(t)[6:], READ)
+
+
 def test_keyframes_put_mujocos_bodies_where_pinocchio_has_them(walking, tmp_path):
     mujoco = pytest.importorskip("mujoco")
     walking.save(tmp_path / "kick.xml", rate=50)

@@ -9,7 +9,14 @@ import kickdyn as kd
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.planning.ball_clearance import RESERVE, BodyClearance
 from kickdyn.planning.kick_problem import kick_problem
-from kickdyn.planning.kick_terms import KickVariables, SpeedLimit, StrikeVelocity, TorqueLimit
+from kickdyn.planning.kick_terms import (
+    BallPosition,
+    KickVariables,
+    SpeedLimit,
+    StrikeVelocity,
+    TorqueLimit,
+    place_exactly,
+)
 from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import OBJECTIVES, LargestShare
 from kickdyn.planning.problem import Function
@@ -85,6 +92,22 @@ def test_a_foot_with_the_strike_velocity_gives_a_share_of_the_launch(friction, r
     agrees(hit.ball_after.velocity, share * VELOCITY, closed_form(100))
     spin = np.array([0.0, -10.0 if friction else 0.0, 0.0])
     assert hit.ball_after.spin == pytest.approx(share * spin, abs=closed_form(1e4))
+
+
+@pytest.mark.parametrize("away", [(0.02, 0.0), (0.0, -0.02), (0.015, 0.02)])
+@pytest.mark.parametrize("end", [None, 2], ids=["free", "ankle at its end"])
+def test_a_ball_nearby_is_placed_exactly_and_a_joint_at_its_end_stays_there(end, away):
+    variables = KickVariables(LEGS["human"], target_of())
+    x, rows = drawn(variables), np.eye(3)[[0, 2]]
+    x[1] = 1.2
+    if end is not None:
+        x[end] = variables.upper[end]
+    start = variables.point(x)
+    place = start.ball_centre + rows.T @ away
+    found = place_exactly(BallPosition(variables, place, rows), start)
+    agrees(found.ball_centre, place, closed_form())
+    assert end is None or found.x[end] == variables.upper[end]
+    agrees(found.x[variables.n :], x[variables.n :], 0)
 
 
 def test_the_torque_keeps_the_speed_of_the_joints():

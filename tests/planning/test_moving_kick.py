@@ -53,6 +53,7 @@ def check(plan, goal, incoming):
     wall = kd.Plane(incoming.position + goal.target, -goal.ahead, "centre")
     path = kd.fly(hit.ball_after, BALL, AIR, kd.Ground(-20.0), 1e-12, plane=wall)
     agrees(path.landing.position, incoming.position + goal.target, optimized(1e-8))
+    assert plan.path.status == "at-plane"
     assert path.duration == pytest.approx(goal.time, abs=optimized(1e-7))
     assert plan.speed_use <= 1.0
 

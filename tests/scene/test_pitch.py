@@ -48,7 +48,9 @@ def test_in_a_vacuum_a_passage_is_that_of_the_parabola(side):
     passage = passage_on(path, kd.Wall(5.0, 1.5, 0.5), ahead, RADIUS, start)
     right = 6.0 * t - 9.81 / 2 * t**2 + start - 1.5, abs(left) - 0.25 - RADIUS, left
     assert passage == pytest.approx(right, rel=optimized(1e-11), abs=optimized(1e-11))
-    assert passage_on(path, kd.Wall(50.0, 1.5), ahead, RADIUS) is None
+    end = float(ahead @ (path.landing.position - path.launch.position))
+    for share, passes in ((0.999, True), (1.001, False)):
+        assert (passage_on(path, kd.Wall(share * end, 1.5), ahead, RADIUS) is not None) is passes
 
 
 @pytest.mark.parametrize("values", [(0, 1), (1, -1), (1, 1, 0), (math.nan, 1), ("9", 1)])

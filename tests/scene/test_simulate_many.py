@@ -96,12 +96,26 @@ def test_the_change_by_the_contact_time_is_quadratic_through_the_nodes():
     assert 0.0 < error < 0.01 * np.linalg.norm(right[4, :3] - instant[4, :3])
 
 
-@pytest.mark.parametrize("name", SPREAD)
-def test_draws_have_the_deviation_of_their_source(name):
-    scene = kd.load_scene("free_kick").replace(uncertainty={name: SPREAD[name]})
-    draws = _Draws.of(scene)
-    changes = draws.changes(np.random.default_rng(1).normal(size=(2000, draws.size)))[name]
-    count = {"q": scene.leg.nv, "v": scene.leg.nv, "restitution": 1, "friction": 1}.get(name, 3)
-    assert changes.shape == (2000, count)
-    assert changes.std(axis=0) == pytest.approx(SPREAD[name], rel=sampled(2 * 2000))
-    assert changes.mean(axis=0) == pytest.approx(0.0, abs=SPREAD[name] * sampled(2000))
+def test_sources_are_drawn_independently_with_their_deviations():
+    spread = SPREAD | {"restitution": 0.5, "friction": 0.5}
+    scene = kd.load_scene("free_kick").replace(uncertainty=spread)
+    draws, nv = _Draws.of(scene), scene.leg.nv
+    values = np.random.default_rng(1).normal(size=(2000, draws.size))
+    changes, given = draws.changes(values), draws.arguments(values)
+    for name, change in changes.items():
+        count = {"q": nv, "v": nv, "restitution": 1, "friction": 1}.get(name, 3)
+        assert change.shape == (2000, count)
+        assert change.std(axis=0) == pytest.approx(spread[name], rel=sampled(2 * 2000))
+        assert change.mean(axis=0) == pytest.approx(0.0, abs=spread[name] * sampled(2000))
+    correlation = np.corrcoef(np.hstack([*changes.values()]), rowvar=False)
+    assert np.abs(correlation - np.eye(draws.size)).max() < sampled(2000)
+    contact, plain = given["contact"], scene.contact
+    for name, most in (("restitution", 1.0), ("friction", np.inf)):
+        right = np.clip(getattr(plain, name) + changes[name][:, 0], 0.0, most)
+        agrees(getattr(contact, name), right, closed_form())
+    normal = plain.normal + changes["normal"]
+    agrees(contact.normal, normal / np.linalg.norm(normal, axis=1)[:, None], closed_form())
+    before = {"q": scene.q, "v": scene.v}
+    before |= {"ball_velocity": scene.incoming.velocity, "ball_spin": scene.incoming.spin}
+    for name, value in before.items():
+        agrees(given[name], value + changes[name], closed_form())

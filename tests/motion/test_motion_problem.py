@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from tolerances import agrees, closed_form, differenced
 
 import kickdyn as kd
+from kickdyn.motion.impact_rows import TURN_SCALE
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.kick_task import KickTask
 from kickdyn.motion.limits import RestingTorqueLimit, SpeedLimit
@@ -234,7 +235,7 @@ class OnAFoot:
         robot = kd.Leg.from_robot("g1", base="floating", legs_only=True, locked=locked)
         support = kd.Support("left_ankle_roll_link", friction=0.6, sole=sole)
         self.standing = stands = StandingRobot(robot.with_supports(support))
-        free = np.zeros((0, 3)), np.zeros(3), np.zeros((0, 3))
+        free = np.zeros((0, 3)), np.zeros(3), np.eye(3)[:2]
         task = KickTask(stands.robot, stands.leg, target_of(0.8, 0.4), np.eye(3), *free, stands)
         self.problem = problem = MotionProblem(task, MotionSplines(0.5, 0.5, (3, 3)))
         c = np.random.default_rng(1).uniform(-0.2, 0.2, (problem.splines.size, problem.n))
@@ -259,6 +260,26 @@ class OnAFoot:
 @pytest.fixture(scope="module")
 def on_a_foot():
     return OnAFoot()
+
+
+def test_a_strike_on_a_foot_keeps_the_rows_of_the_impact(on_a_foot):
+    """Facing the ball is told in the axes of the foot, and how it turns across the normal."""
+    problem, leg, n = on_a_foot.problem, on_a_foot.standing.leg, on_a_foot.problem.n
+    model, data, normal = leg.model, leg.model.createData(), problem.task.target.contact.normal
+    q = np.linspace(-0.3, 0.3, n)
+    posture = leg.posture(q).with_contact_offset((0.02, 0.0, 0.01))
+    v = posture.joint_velocity(problem.task.target.foot_velocity(posture))
+    jump = problem.jump(q)
+    agrees(jump, posture.solve(-problem.task.target.impulse @ posture.jacobian), closed_form(1e4))
+    values, _ = problem.impact.values(np.concatenate([q, v, jump, [1.0], jump]), [])
+    ends = np.cumsum([2 * n + 1, 2, 2, 2])
+    kept, facing, slip, turning, _ = np.split(np.asarray(values).ravel(), ends)
+    pin.forwardKinematics(model, data, q, v)
+    rate = pin.getVelocity(model, data, leg.contact_joint, pin.LOCAL_WORLD_ALIGNED).angular
+    agrees([*kept, *slip], np.zeros(2 * n + 3), closed_form(1e4))
+    agrees(facing, (data.oMi[leg.contact_joint].rotation.T @ normal)[:2], closed_form(10))
+    across = np.linalg.norm(np.cross(rate, normal))
+    assert np.linalg.norm(turning) == pytest.approx(across / TURN_SCALE, rel=closed_form(1e4))
 
 
 def test_the_ground_s_impulse_in_a_verdict_is_that_of_a_strike(on_a_foot):
@@ -310,19 +331,6 @@ def test_the_margins_of_a_motion_are_those_of_its_torques_and_its_ground(on_a_fo
     assert height == pytest.approx((places[:, 2] - foot.radii).min(), abs=8e-3)
     beside = standing.sole[:, 1].min() - (places[:, 1] + foot.radii).max()
     assert apart == pytest.approx(beside, abs=0.02)
-
-
-def test_times_are_added_where_limits_are_nearest(problem):
-    solution = drawn_solution(problem, size=0.6)
-    verdict = Verdict(problem, solution)
-    torque = verdict.rows[:, :3].min(axis=1)
-    worst = np.concatenate(verdict.times)[torque.argmin()]
-    assert torque.min() < 0.0
-    added = verdict.add_points(solution.times)
-    assert worst in np.concatenate(added)
-    for before, after in zip(solution.times, added, strict=True):
-        assert set(before) <= set(after)
-        assert (np.diff(after) > 0).all()
 
 
 def test_joints_at_rest_with_half_their_torque_limit_are_next_to_an_overloaded_one():

@@ -57,6 +57,17 @@ def test_times_within_reach_are_those_of_the_parabola(speed):
     assert times == pytest.approx(expected, abs=4.8 / speed / 400)
 
 
+def test_times_just_before_and_after_the_crossing_of_a_turned_leg_s_plane_are_among_them():
+    """Through the plane y = 0.1 m, in which the foot of a leg that faces x moves."""
+    state = kd.BallState((2.0, 0.65, 0.0), (-20.0, -8.0, 0.0))
+    reach, ahead = Reach(np.zeros(3), 1.0, np.eye(3)[1], 0.1), np.eye(3)[0]
+    times = waits(state, reach, 0.15, lambda times: np.tile(ahead, (len(times), 1)))
+    after = int(np.searchsorted(times, 0.55 / 8.0))
+    near, apart = times[after] - times[after - 1], np.ptp(times) / (CANDIDATES - 1)
+    assert len(times) == CANDIDATES + 2
+    assert near < 0.5 * apart
+
+
 @pytest.mark.parametrize(("leg", "height", "rate", "ground"), [
     (G1, 0.5, 1.0, None), (G1, -0.9, 1.0, -0.9), (G1, 0.5, 0.0, 0.5), (BOLT, 0.5, 1.0, 0.0),
     (HUMAN, 0.5, 1.0, HUMAN.posture(np.zeros(3)).contact_point[2])])  # fmt: skip

@@ -69,6 +69,7 @@ def test_a_rolling_ball_is_met_at_the_cheapest_of_the_meetings(rolling):
     assert rolling.speed_use == min(meeting.speed_use for meeting in kicks)
     assert all(meeting.reason for meeting in rolling.meetings if meeting.impact is None)
     times = np.array([meeting.time for meeting in rolling.meetings])
+    assert len(kicks) > 3  # followed from one to the next
     halves = 2 * (CANDIDATES - 1) * (times - times[0]) / np.ptp(times)
     assert halves == pytest.approx(halves.round(), abs=closed_form(1e4))  # all that were tried
     assert [n for n in halves.round() if n % 2 == 0] == [*range(0, 2 * CANDIDATES, 2)]
@@ -121,6 +122,7 @@ def test_a_ball_that_comes_from_aside_is_met_and_a_weaker_kick_gives_a_share():
     assert 0.3 < plan.share < 1.0
     agrees(after, before + plan.share * (plan.launch.velocity - before), optimized(1e-8))
     assert plan.share == max(one.share for one in plan.meetings if one.impact is not None)
+    assert plan.path.landing.position[2] == pytest.approx(plan.meeting.ground.height + BALL.radius)
 
 
 def test_a_plan_is_the_same_in_a_frame_that_moves_with_the_hip():

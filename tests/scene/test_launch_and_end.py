@@ -42,23 +42,6 @@ def size(array):
     return float(np.linalg.norm(array))
 
 
-@pytest.mark.parametrize("parts", [
-    {"contact_time": 0.01},
-    {"contact_time": None, "law": kd.Compliance(None, "pressure"), "ball": kd.Ball(pressure=80e3)},
-], ids=["time", "pressure"])  # fmt: skip
-def test_the_launch_with_contact_time_is_within_its_error(parts):
-    shares = []
-    for scene, hit in struck(3, 5, **parts):
-        error = module.with_law(scene, hit, module.contact_time_error(scene, hit))
-        exact = module.collide_scene(scene, 1e-7).ball_after
-        change = size(exact.velocity - hit.ball_after.velocity)
-        assert change <= error.velocity
-        assert size(exact.spin - hit.ball_after.spin) <= error.spin
-        assert size(exact.position - hit.ball_after.position) <= error.position
-        shares.append(change / error.velocity)
-    assert max(shares) > 0.2
-
-
 def test_the_error_of_a_contact_time_is_unknown_with_constraints_or_soft_drives():
     (scene, hit), drive = struck(3, 1, contact_time=0.01)[0], kd.Drive(0.01, 1.0, stiffness=30.0)
     for leg in (scene.leg.with_stiff_joints("ankle"), scene.leg.with_drives({"ankle": drive})):
@@ -66,12 +49,7 @@ def test_the_error_of_a_contact_time_is_unknown_with_constraints_or_soft_drives(
         assert module.contact_time_error(held, hit) == module.UNKNOWN
 
 
-def test_the_error_of_collide_is_within_its_bound():
-    for scene, _ in struck(4, 4, contact_time=0.01):
-        exact, rough = (module.collide_scene(scene, tol).ball_after for tol in (1e-8, 1e-4))
-        error = module.collision_error(scene, exact, 1e-4)
-        assert size(exact.velocity - rough.velocity) <= error.velocity
-        assert size(exact.spin - rough.spin) <= error.spin
+def test_the_error_of_collide_is_its_tolerance_times_a_factor():
     launch = kd.BallState((0, 0, 0), (3, 0, 4), (0, 0, 6))
     error = module.collision_error(scene_of(ball=kd.Ball(radius=0.5)), launch, 1e-4)
     assert error == pytest.approx(module.COLLIDE_SAFETY * 1e-4 * np.array([5, 10, 0.5]))

@@ -66,12 +66,3 @@ def test_a_wall_is_read_with_its_default_width_of_five_players():
         with pytest.raises(kd.InvalidInput, match="DISTANCE:HEIGHT") as refused:
             read_wall(text)
         assert len(str(refused.value)) < 350
-
-
-def test_the_free_kick_scores_around_the_wall_because_of_its_spin():
-    scene = kd.load_scene("free_kick")
-    curled = kd.simulate(scene, 0.05)
-    assert curled.passage.above < 0 < curled.passage.beside
-    assert curled.score.end == "in"
-    straight = kd.simulate(scene.replace(air=kd.Air.at(250, 12, drag="brazuca", lift=None)), 0.05)
-    assert straight.score.end != "in"

@@ -42,12 +42,9 @@ def test_bad_parts_are_refused(changes, word):
         scene(**changes)
 
 
-def test_a_scene_cannot_be_changed():
+def test_a_scene_does_not_change_with_what_it_was_made_of():
     given = {"q": 0.1}
     made = scene(uncertainty=given)
-    for array in (made.q, made.v, made.incoming.velocity):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 1
     given["q"] = 2
     assert made.uncertainty == {"q": 0.1}
 

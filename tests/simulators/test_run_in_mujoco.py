@@ -157,7 +157,7 @@ def test_a_standing_robot_is_turned_so_that_its_ball_flies_towards_the_target(mo
     balls = {"ball_before": kd.BallState(place), "ball_after": kd.BallState(velocity=after)}
     robot = kd.Leg.from_robot("bolt", base="floating")
     plan = SimpleNamespace(leg=robot, impact=SimpleNamespace(**balls))
-    seen = kd.BallState(place + [0.5, 0.2, 0.1], ball, (1.0, -9.0, 2.0), 0.005)
+    seen = kd.BallState(place + np.array([0.5, 0.2, 0.1]), ball, (1.0, -9.0, 2.0), 0.005)
     monkeypatch.setattr(refinement, "_observe", lambda *_: seen)
     monkeypatch.setattr(refinement, "_wished_velocity", lambda _, ball: 5.0 * after - ball.position)
     _, error, turn = refinement._try(plan, refinement.Observer.COLLIDE)

@@ -16,7 +16,6 @@ import kickdyn as kd
 from kickdyn.motion.impact_rows import TURN_SCALE
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.kick_task import KickTask
-from kickdyn.motion.limits import RestingTorqueLimit, SpeedLimit
 from kickdyn.motion.motion_problem import ENDS, JERK, NEARNESS, SHARE, MotionProblem
 from kickdyn.motion.row_blocks import Block, Cost, block_solver, make_rows
 from kickdyn.motion.solution import Multipliers, Solution
@@ -331,13 +330,3 @@ def test_the_margins_of_a_motion_are_those_of_its_torques_and_its_ground(on_a_fo
     assert height == pytest.approx((places[:, 2] - foot.radii).min(), abs=8e-3)
     beside = standing.sole[:, 1].min() - (places[:, 1] + foot.radii).max()
     assert apart == pytest.approx(beside, abs=0.02)
-
-
-def test_joints_at_rest_with_half_their_torque_limit_are_next_to_an_overloaded_one():
-    limits = [SpeedLimit(["hip"], np.ones(1)), RestingTorqueLimit("abc", np.ones(3), range(3))]
-    verdict = object.__new__(Verdict)
-    task = SimpleNamespace(resting=["waist", "elbow", "wrist"])
-    verdict.problem = SimpleNamespace(limits=limits, task=task)
-    for largest, named in (([1.01, 0.51, 0.49], ["waist", "elbow"]), ([0.99, 0.51, 0.49], [])):
-        verdict.rows = 1.0 - np.array([[9.0, *largest], [0.0, 0.2, 0.2, 0.2]])
-        assert verdict.overloaded() == named

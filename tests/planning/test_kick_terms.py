@@ -7,16 +7,10 @@ from tolerances import agrees, closed_form, differenced
 
 import kickdyn as kd
 from kickdyn.motion.impact_target import impact_target_for
+from kickdyn.planning import kick_terms as module
 from kickdyn.planning.ball_clearance import RESERVE, BodyClearance
 from kickdyn.planning.kick_problem import kick_problem
-from kickdyn.planning.kick_terms import (
-    BallPosition,
-    KickVariables,
-    SpeedLimit,
-    StrikeVelocity,
-    TorqueLimit,
-    place_exactly,
-)
+from kickdyn.planning.kick_terms import BallPosition, KickVariables, SpeedLimit, TorqueLimit
 from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import OBJECTIVES, LargestShare
 from kickdyn.planning.problem import Function
@@ -76,24 +70,6 @@ def test_slopes_of_a_stance_are_those_of_the_values(offset):
     compare_slopes(problem.find(SupportImpulse), variables, x, 10 * differenced(1))
 
 
-@pytest.mark.parametrize("share", [0.4, 1.0])
-@pytest.mark.parametrize("restitution", [0.8, TABLE])
-@pytest.mark.parametrize("friction", [0.0, 0.4])
-def test_a_foot_with_the_strike_velocity_gives_a_share_of_the_launch(friction, restitution, share):
-    target = target_of(friction, restitution)
-    problem = kick_problem(LEGS["g1"], target)
-    term, start = problem.find(StrikeVelocity), problem.variables.point(drawn(problem.variables))
-    assert np.abs(term.value(start)).max() > 0.1
-    x = np.append(start.x[:-1], share)
-    exact = term.make_exact(problem.variables.point(x))
-    assert np.abs(term.value(exact)).max() < closed_form()
-    assert exact.x[: problem.variables.n].tolist() == start.x[: problem.variables.n].tolist()
-    hit = kd.strike(exact.posture, exact.v, BALL, target.contact)
-    agrees(hit.ball_after.velocity, share * VELOCITY, closed_form(100))
-    spin = np.array([0.0, -10.0 if friction else 0.0, 0.0])
-    assert hit.ball_after.spin == pytest.approx(share * spin, abs=closed_form(1e4))
-
-
 @pytest.mark.parametrize("away", [(0.02, 0.0), (0.0, -0.02), (0.015, 0.02)])
 @pytest.mark.parametrize("end", [None, 2], ids=["free", "ankle at its end"])
 def test_a_ball_nearby_is_placed_exactly_and_a_joint_at_its_end_stays_there(end, away):
@@ -104,7 +80,7 @@ def test_a_ball_nearby_is_placed_exactly_and_a_joint_at_its_end_stays_there(end,
         x[end] = variables.upper[end]
     start = variables.point(x)
     place = start.ball_centre + rows.T @ away
-    found = place_exactly(BallPosition(variables, place, rows), start)
+    found = module.place_exactly(BallPosition(variables, place, rows), start)
     agrees(found.ball_centre, place, closed_form())
     assert end is None or found.x[end] == variables.upper[end]
     agrees(found.x[variables.n :], x[variables.n :], 0)

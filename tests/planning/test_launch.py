@@ -7,7 +7,6 @@ import pytest
 from tolerances import agrees, optimized
 
 import kickdyn as kd
-from kickdyn.planning.launch_family import LaunchFamily
 from kickdyn.planning.launch_solver import ShootingProblem, apex, crossing
 
 BALL, AIR, G = kd.Ball(), kd.Air(drag="brazuca"), 9.81
@@ -105,20 +104,6 @@ def test_low_and_high_arc_of_the_vacuum():
     agrees(low.others[0].velocity, high.velocity, optimized(1e-9))
     agrees(high.others[0].velocity, low.velocity, optimized(1e-9))
     assert low.summary.startswith("2 launches")
-
-
-@pytest.mark.parametrize(("speed", "falls"), [(12.0, True), (25.0, False)])
-def test_a_family_turns_at_the_slowest_launch_of_the_vacuum(speed, falls):
-    """It takes sqrt(2 d / g) over the distance d; above 16 m/s, it is the farthest from a speed."""
-    problem, goal = ShootingProblem(BALL, None, np.zeros(3)), kd.Goal(FAR, speed=speed)
-    family, time = LaunchFamily(problem, goal, 40.0, 0.0), math.sqrt(2 * math.hypot(25, 1) / G)
-    ends = [family._member(family._nominal(share * time), steps=20) for share in (0.8, 1.3)]
-    turning = family._turning_point(goal, *ends)
-    assert (turning is not None) is falls
-    if falls:
-        assert turning.time == pytest.approx(time, rel=optimized(1e-6))
-        slowest = math.sqrt(G * (1 + math.hypot(25, 1)))
-        assert turning.speed == pytest.approx(slowest, rel=optimized(1e-7))
 
 
 @pytest.mark.processor_limit(6)

@@ -206,6 +206,12 @@ def test_the_floor_carries_a_robot_at_rest_under_its_centre_of_mass(run):
     lowest = (field.data.geom_xpos[spheres, 2] - field.model.geom_size[spheres, 0]).min()
     depth = find_depths(robot, motion.q(0.0), 1.0)["right_ankle_roll_link"]
     assert lowest == pytest.approx(1.0 - depth, abs=1e-3)
+    trunk, upright = field.data.body("root_joint"), motion.q(0.0)
+    planned = pin.Quaternion(upright[3:7]).matrix()
+    for tilt, height, stands in ((50, 0.9, False), (40, 0.9, True), (0.0, 0.5, False)):
+        turn = pin.AngleAxis(math.radians(tilt), np.array([0.6, 0.8, 0])).matrix()
+        trunk.xpos[2], trunk.xmat[:] = height * upright[2], (turn @ planned).ravel()
+        assert field.is_upright(upright) is stands
 
 
 def test_draws_have_their_standard_deviations():
@@ -310,18 +316,3 @@ def test_margins_of_the_sole_are_the_least_of_averaged_loads(monkeypatch):
     mixed = (0.3 + 9) / (0.5 * 1.01)  # of the mean over the last two rows that carry weight
     assert margins["friction"] == pytest.approx(1 - math.hypot(mixed, 9 / (0.5 * 1.01)))
     assert margins["centre of pressure"] == pytest.approx(0.1 - 9.02 / 1.01)
-
-
-@pytest.mark.parametrize(
-    ("tilt", "height", "upright"), [(50, 0.9, False), (40, 0.9, True), (0.0, 0.5, False)]
-)
-def test_a_robot_is_upright_by_its_base(tilt, height, upright):
-    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
-    planned = robot.configuration()
-    planned[2] = 0.8
-    pose = pin.AngleAxis(math.radians(tilt), np.array([0.6, 0.8, 0])).matrix()
-    body = SimpleNamespace(xpos=np.array([3.0, 1.0, 0.8 * height]), xmat=pose.ravel())
-    field = object.__new__(MujocoField)
-    field.standing, field.motion = "stands", SimpleNamespace(robot=robot)
-    field.data = SimpleNamespace(body=lambda name: body)
-    assert field.is_upright(planned) is upright

@@ -12,7 +12,7 @@ from kickdyn.motion.kick_task import _friction, check_sole
 from kickdyn.motion.limits import Apart, Clearance, PressureCentre, RestingTorqueLimit, Sample
 from kickdyn.robot.ground_clearance import Spheres
 
-MIDDLE, MU, WEIGHT = np.array([0.3, -0.2]), 0.6, 400.0
+MIDDLE, WEIGHT = np.array([0.3, -0.2]), 400.0
 SOLE = MIDDLE + np.array([(0.1, 0.05), (0.1, -0.05), (-0.1, -0.05), (-0.1, 0.05)])
 STANDING = SimpleNamespace(sole=SOLE)
 

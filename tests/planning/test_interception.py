@@ -16,7 +16,6 @@ HUMAN = kd.Leg.human()
 G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
 BOLT = kd.Leg.from_robot("bolt", base="floating")
 ROLLING = kd.BallState((2.0, 0.0, -0.7042), (-2.5, 0.0, 0.0), (0.0, -2.5 / BALL.radius, 0.0), 5.0)
-DROPPING = kd.BallState((2.2, 0.0, -0.3), (-5.0, 0.0, 0.3), (0.0, 6.0, 0.0))
 FLOOR = kd.Ground(-9.0, "turf")
 
 

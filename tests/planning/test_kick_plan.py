@@ -2,10 +2,8 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
-import gymnasium
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
@@ -17,7 +15,6 @@ from kickdyn.planning.kick_plan import check_actuators, check_ball_overlap_after
 from kickdyn.robot.collisions import find_ball_overlaps
 from kickdyn.robot.ground_clearance import find_depths
 
-MODELS = Path(gymnasium.__file__).parent / "envs/mujoco/assets"
 HUMAN, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
 
 

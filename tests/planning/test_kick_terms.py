@@ -15,7 +15,7 @@ from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import OBJECTIVES, LargestShare
 from kickdyn.planning.problem import Function
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
-from kickdyn.robot.collisions import TOUCHING, bodies_at
+from kickdyn.robot.collisions import TOUCHING, bodies_at, find_ball_overlaps
 
 BALL = kd.Ball()
 LEGS = {"human": kd.Leg.human(), "g1": kd.Leg.from_robot("g1", legs_only=True)}
@@ -164,23 +164,13 @@ def test_slopes_between_bodies_are_those_of_the_distances():
     assert min(values) < 0 < max(values)
 
 
-def test_the_distance_of_a_sphere_from_the_ball_is_that_of_their_centres(tmp_path):
-    (tmp_path / "leg.xml").write_text(
-        '<mujoco><worldbody><body name="shank" pos="0 0 1">'
-        '<joint name="knee" type="hinge" axis="0 -1 0" range="-90 90"/>'
-        '<geom type="sphere" size="0.04" pos="0 0 -0.7"/>'
-        '<body name="foot" pos="0 0 -0.9"><geom type="sphere" size="0.03"/></body></body>'
-        "</worldbody></mujoco>"
-    )
-    leg = kd.Leg.from_mjcf(tmp_path / "leg.xml", "foot")
-    target = target_of(offset=(0.03, 0, 0))
-    variables = KickVariables(leg, target)
-    term = BodyClearance(leg, variables, [(bodies_at(leg, "shank")[0], None)])
-    for angle in (-0.4, 0.0, 0.5):
-        posture = variables.posture(np.array([angle]))
-        rotation = posture.rotation_world_joint
+def test_the_distance_of_a_body_from_the_ball_is_that_of_its_overlap_with_a_larger_one():
+    leg, target = LEGS["human"], target_of(offset=(0.03, 0, 0))
+    variables, more = KickVariables(leg, target), 0.5
+    term = BodyClearance(leg, variables, [(x, None) for x in bodies_at(leg, "shank")])
+    for knee in (0.3, 1.2, 2.0):
+        posture = variables.posture(np.array([0.4, knee, -0.2]))
         centre = posture.contact_point + BALL.radius * target.contact.normal
-        apart = np.linalg.norm(centre - ([0, 0, 1] + rotation @ [0, 0, -0.7]))
-        depth = 0.04 + BALL.radius - apart
-        (value,) = term.residual(posture, None)
+        depth = find_ball_overlaps(posture, centre, BALL.radius + more)["shank"] - more
+        value = term.residual(posture, None).min()
         assert value == pytest.approx(TOUCHING - RESERVE - depth, abs=closed_form(1e4))

@@ -38,17 +38,6 @@ def contact_point(plan):
     return arm[2], np.cross([0.0, 0.0, 1.0], along / np.linalg.norm(along)) @ arm
 
 
-def static_use(plan):
-    """Return the largest speed and the torque that keeps it, over their limits."""
-    leg = plan.leg
-    torque = pin.nonLinearEffects(leg.model, leg.model.createData(), plan.q, plan.v)
-    moving = plan.v != 0.0
-    return [
-        np.abs(used / limit)[moving].max()
-        for used, limit in ((plan.v, leg.velocity_limit), (torque, leg.effort_limit))
-    ]
-
-
 def numbers(text):
     """Return the numbers of a line."""
     return [float(x) for x in re.findall(r"(?<![\w.])-?\d+\.?\d*(?:e-?\d+)?", text)]
@@ -61,7 +50,9 @@ def test_every_number_of_the_json_is_that_of_the_plan(plan):
     speed, ahead = np.linalg.norm(velocity), plan.goal.target / plan.goal.distance
     there = kd.fly(after, BALL, AIR, plane=kd.Plane(after.position + 3.0 * ahead, -ahead, "centre"))
     passes = there.landing.position - after.position
-    speed_use, torque_use = static_use(plan)
+    torque = pin.nonLinearEffects(leg.model, leg.model.createData(), plan.q, plan.v)
+    uses = plan.v / leg.velocity_limit, torque / leg.effort_limit
+    speed_use, torque_use = (np.abs(use)[plan.v != 0.0].max() for use in uses)
     angles = leg.joint_values(plan.q)
     expected = {
         "status": plan.status, "share": 1.0, "time": 0.9, "warnings": list(plan.warnings),

@@ -12,7 +12,7 @@ from tolerances import agrees, closed_form, integrated
 import kickdyn as kd
 from kickdyn.core.files import shipped
 from kickdyn.scene.launch_and_end import collision_error, end_error, path_error
-from kickdyn.scene.simulate import CONTACT_SHARE, measure_effects, simulate_as_instant
+from kickdyn.scene.simulate import CONTACT_SHARE, simulate_as_instant
 
 SCENES = sorted(Path(shipped("scenes")).glob("*.toml"))
 LEG = kd.Leg.human()
@@ -191,10 +191,11 @@ def test_the_size_of_an_effect_is_what_changes_without_it(name, part, changes):
     less = scene.replace(**{part: replace(getattr(scene, part), **changes)})
     hit = kd.strike(scene.posture, scene.v, scene.ball, less.contact)
     end = kd.fly(hit.ball_after, scene.ball, less.air, scene.ground, plane=scene.plane).landing
-    size = next(row for row in measure_effects(full) if row.effect == name)
+    size = next(row for row in full.effects if row.effect == name)
     right = math.dist(end.position, full.end.position)
     assert size.end == pytest.approx(right, rel=integrated(1e-8))
     assert size.impulse == pytest.approx(math.dist(hit.impulse, full.impact.impulse))
+    assert f"{1e3 * size.seconds:.2g}" in full.text(times=True)
     assert set(full.modelled) >= {"ball rotation", "drag crisis", name}
 
 

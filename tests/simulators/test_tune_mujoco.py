@@ -26,7 +26,7 @@ def tune(e, friction=0.0, normal=ALONG, **options):
     return kd.tune_mujoco(POSTURE, V, kd.Ball(), kd.Contact(normal, e, friction), **options)
 
 
-def two_masses(mass, speed, e, friction=0.0, ball_velocity=(0, 0, 0)):
+def two_masses(mass, speed, e):
     """Return a mass on a rail that hits the ball along it, without gravity."""
     model = pin.Model()
     model.gravity = pin.Motion.Zero()
@@ -34,8 +34,8 @@ def two_masses(mass, speed, e, friction=0.0, ball_velocity=(0, 0, 0)):
     model.appendBodyToJoint(joint, pin.Inertia.FromSphere(mass, 0.1), pin.SE3.Identity())
     model.addFrame(pin.Frame("face", joint, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     posture = kd.Leg.from_model(model, "face").posture([0.0])
-    contact = kd.Contact((1, 0, 0), e, friction)
-    return find_approach(posture, [speed], kd.Ball(), contact, ball_velocity, (0, 0, 0))
+    contact = kd.Contact((1, 0, 0), e)
+    return find_approach(posture, [speed], kd.Ball(), contact, (0, 0, 0), (0, 0, 0))
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "RK4"])

@@ -80,9 +80,9 @@ def test_the_ground_is_under_the_other_foot_or_under_a_lower_ball(leg, height, r
         assert depth == pytest.approx(lift if lift > 2e-3 else 0.0)
 
 
-@pytest.mark.parametrize(("passes", "beside"), [(0.2, 0.0), (0.2, 0.004), (0.0, 0.0), (0.44, 0.0)])
+@pytest.mark.parametrize(("passes", "beside"), [(0.2, 0.0), (0.2, 0.004), (0.0, 0.0), (0.45, 0.0)])
 def test_a_place_on_the_path_gives_the_time(passes, beside):
-    """In the middle, at the beginning and near the end of the path, and a little beside it."""
+    """In the middle, at the beginning and at the end of the path, and a little beside it."""
     flies = kd.BallState((0.4, 0.0, 0.5), (-1.0, 0.0, 0.0), time=2.0)
     ground = kd.Ground(-0.79, "turf")
     point = kd.follow(flies, BALL, None, ground, 1e-12).sample(passes).position

@@ -10,7 +10,6 @@ from tolerances import agrees, closed_form, differenced
 from kickdyn.motion.motion import SETTLING, settling
 
 SOLE = "left_ankle_roll_link"
-TIMES = [-0.31, -0.07, 0.26]
 
 
 def test_a_motion_of_a_fixed_leg_is_its_splines_and_its_inverse_dynamics(swinging):
@@ -62,7 +61,7 @@ def test_a_pushed_joint_moves_after_the_impact_only(make_motion, walking):
     assert [motion.q(t)[column + 1] for t in (-0.2, 0.6)] == pytest.approx([0.2, 0.2])
 
 
-@pytest.mark.parametrize("t", TIMES)
+@pytest.mark.parametrize("t", [-0.31, -0.07, 0.26])
 def test_the_supporting_foot_stays_and_the_ground_closes_the_momentum(walking, t):
     model, q, v = walking.robot.model, walking.q(t), walking.v(t)
     data, frame = model.createData(), model.getFrameId(SOLE)

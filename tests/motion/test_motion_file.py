@@ -29,7 +29,7 @@ def test_an_npz_has_named_arrays(walking, tmp_path):
     walking.save(tmp_path / "kick.NPZ")
     with np.load(tmp_path / "kick.NPZ") as read:
         assert read["joint_names"].tolist() == list(walking.robot.joint_names[1:])
-        assert read["fps"] == 100
+        assert read["fps"] == walking.samples().rate == 100
         for k in range(0, len(read["time"]), 20):
             t = read["time"][k]
             agrees(read["joint_pos"][k], walking.q(t)[7:], READ)

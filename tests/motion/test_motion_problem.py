@@ -211,15 +211,6 @@ def test_limits_hold_a_launch_back_by_their_multipliers(problem):
     assert re.search(r"reaches 83 % of the launch.*torque of knee.*speed of ankle", line)
 
 
-@pytest.mark.parametrize(("missing", "is_whole"), [(5e-5, True), (2e-4, False)])
-def test_a_launch_that_is_reached_but_for_a_solver_s_distance_is_whole(problem, missing, is_whole):
-    """Interior points stay up to 1e-4 from the bound of the share."""
-    start = replace(drawn_solution(problem), share=1.0 - missing)
-    bounds = {"shares": (start.share, start.share), "options": {"max_iter": 0}}
-    solution = problem.solve(start, start.rest, start.times, **bounds)
-    assert solution.share == (1.0 if is_whole else start.share)
-
-
 @pytest.fixture(scope="module")
 def on_a_foot():
     """The verdict on drawn splines on the left foot, of six joints."""

@@ -26,18 +26,15 @@ def slider():
     return kd.Leg.from_model(model, "toe")
 
 
-def standing():
-    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
-    return StandingRobot(robot.with_supports("left_ankle_roll_link")).leg
-
-
-LEGS = {"human": kd.Leg.human, "slider": slider, "g1 on a foot": standing}
+G1 = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+STANDING = StandingRobot(G1.with_supports("left_ankle_roll_link"))
+LEGS = {"human": kd.Leg.human(), "slider": slider(), "g1 on a foot": STANDING.leg}
 
 
 @pytest.mark.parametrize("name", LEGS)
 def test_the_symbols_are_those_of_pinocchio(name):
     pin.seed(0)
-    leg, draw = LEGS[name](), np.random.default_rng(1)
+    leg, draw = LEGS[name], np.random.default_rng(1)
     model, joint = leg.model, leg.contact_joint
     model.armature = draw.uniform(0.0, 0.1, model.nv)
     data, tree = model.createData(), SymbolicTree(model)

@@ -48,12 +48,6 @@ def test_the_ground_is_under_the_ball_or_under_a_lower_target(placed, low):
         assert plan.collisions == tuple(named)
 
 
-def test_a_plan_has_the_status_of_its_worst_fault(placed):
-    assert replace(placed, share=0.9).status == "beyond-limits"
-    higher = kd.plan_kick(HUMAN, placed.goal, BALL, AIR, ball_position=-0.654)
-    assert (higher.status, higher.collisions) == ("met", ())
-
-
 def test_errors_are_distances_from_the_goal(placed):
     shift = np.array([0.3, 0.4, 0.0])
     other = replace(placed, goal=kd.Goal(placed.goal.target + shift, time=1.5))

@@ -97,15 +97,6 @@ def test_a_kick_that_only_the_largest_share_finds_is_whole_but_for_a_solvers_err
     assert module._solve(problem, JointSpeed())[1].share == right
 
 
-@pytest.mark.parametrize(("limits", "weak"), [(True, False), ("muscles", True)])
-def test_only_muscles_lose_their_torque_at_the_speed_limit(limits, weak):
-    """Hill 1938: a leg that hangs 0.3 rad ahead, and turns upwards at the limit of its hip."""
-    problem = kick_problem(HUMAN, target_of(9, 0, 4), limits=limits)
-    q, speed = [0.3, 0.0, 0.0], HUMAN.velocity_limit / problem.variables.velocity_scale
-    use = problem.find(TorqueLimit).use(problem.variables.point([*q, speed[0], 0.0, 0.0, 1.0]))
-    assert (use[0] > 1.0, use[1] > 1.0) == (weak, False)
-
-
 @pytest.mark.parametrize(("cause", "words"), [
     (Upright, "trunk"), (Clearance, "kicking foot"), (Balance, "centre of mass"),
     (SpeedLimit, "speed and torque limits"), (TorqueLimit, "speed and torque limits"),

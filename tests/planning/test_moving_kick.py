@@ -10,7 +10,7 @@ from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
 from kickdyn.planning import moving_kick as module
-from kickdyn.planning.intercepting_kick import STRONGEST, InterceptingKick, KickSettings
+from kickdyn.planning.intercepting_kick import InterceptingKick, KickSettings
 from kickdyn.planning.interception import CANDIDATES, Reach, reach_of
 from kickdyn.planning.kick_steps import checked_contact, plan_flight_launch
 from kickdyn.planning.kick_terms import KickPoint
@@ -235,15 +235,6 @@ def test_a_ball_behind_the_hip_by_more_than_its_radius_is_refused():
         balls._check_facing(task)
     with pytest.raises(kd.InvalidInput, match=r"0\.12 m behind the hip"):
         balls._check_facing(behind)
-
-
-def test_a_kick_of_the_largest_share_that_is_whole_is_made_the_best(monkeypatch):
-    balls, calls = interceptor(kd.IncomingBall(ROLLING, kd.Ground(-1.0, "turf"))), []
-    whole, kicks = SimpleNamespace(share=1.0, x="whole"), {}
-    monkeypatch.setattr(module, "best_from", lambda _, *call: calls.append(call) or whole)
-    monkeypatch.setattr(balls, "at", lambda _: SimpleNamespace(kick=lambda _, point: point))
-    balls._seek(kicks, 0.3, None, ["x"], STRONGEST)
-    assert (calls, kicks) == ([(STRONGEST, ["x"]), (balls._objective, ["whole"])], {0.3: whole})
 
 
 def test_of_kicks_in_which_bodies_collide_the_first_that_can_be_mended_is_taken(monkeypatch):

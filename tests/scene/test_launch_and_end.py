@@ -88,18 +88,17 @@ def test_the_error_of_a_contact_time_is_the_change_of_a_strike_at_its_end_and_mi
     assert module.contact_time_error(scene, hit, 0.1).velocity == math.inf
 
 
-@pytest.mark.parametrize("case", ["no contact on the way", "pressed into the ground"])
-def test_an_error_that_cannot_be_estimated_is_infinite(case):
-    leg, q, normal, velocity = kd.Leg.human(), [0.5, 0.1, 0.0], (0, 0, 1), [3.0, 0.0, 0.5]
-    parts = {"law": kd.Compliance(contact_time=0.05 if case == "no contact on the way" else 0.01)}
-    if case == "pressed into the ground":
-        normal, velocity = (0.94, 0, -0.34), [5, 0, -2]
-        point = leg.posture(q).contact_point
-        parts["ground"] = kd.Ground(float(point[2]) - 1.34 * kd.Ball().radius - 0.001)
-    posture = leg.posture(q)
+@pytest.mark.parametrize(("q", "normal", "velocity", "time", "below"), [
+    ([0.5, 0.1, 0.0], (0, 0, 1), [3.0, 0.0, 0.5], 0.05, None),
+    ([0.5, 0.1, 0.0], (0.94, 0, -0.34), [5, 0, -2], 0.01, 0.001),
+], ids=["no contact on the way", "pressed into the ground"])  # fmt: skip
+def test_an_error_that_cannot_be_estimated_is_infinite(q, normal, velocity, time, below):
+    posture, ball = kd.Leg.human().posture(q), kd.Ball()
+    level = float(posture.contact_point[2]) - 1.34 * ball.radius - (below or 1.0)
     scene = kd.Scene(
-        posture, posture.joint_velocity(velocity), kd.Ball(), kd.Contact(normal, 0.7), **parts
-    )
+        posture, posture.joint_velocity(velocity), ball, kd.Contact(normal, 0.7),
+        kd.Compliance(contact_time=time), ground=None if below is None else kd.Ground(level),
+    )  # fmt: skip
     assert module.contact_time_error(scene, module.strike_scene(scene)).velocity == math.inf
 
 
@@ -122,16 +121,13 @@ def test_slopes_are_those_of_central_differences(parts):
         agrees(getattr(slopes, name), np.transpose(right), tolerance)
 
 
-def test_the_deviation_of_an_end_is_that_of_sources_that_act_together():
-    """Where the parts of velocity and spin are parallel, the deviations add up."""
-    rng = np.random.default_rng(2)
-    slope = rng.normal(size=(3, 3))
-    direction, amounts = rng.normal(size=3), rng.normal(size=1000)
-    velocity, spin = np.outer(amounts, direction), np.outer(0.3 * amounts, slope @ direction)
-    slopes = module.EndSlopes(2.0 * slope, 0.7 * np.eye(3))
-    launch = SimpleNamespace(velocity=np.cov(velocity.T), spin=np.cov(spin.T))
-    ends = velocity @ slopes.velocity.T + spin @ slopes.spin.T
-    right = math.sqrt(np.trace(np.cov(ends.T)))
+def test_the_deviation_of_an_end_adds_those_of_velocity_and_spin():
+    """Both follow from the same sources, here from one."""
+    by_velocity, by_spin = np.random.default_rng(2).normal(size=(2, 3, 3))
+    v, w = np.array([0.3, -0.2, 0.1]), np.array([4.0, 1.0, -2.0])
+    launch = SimpleNamespace(velocity=np.outer(v, v), spin=np.outer(w, w))
+    right = size(by_velocity @ v) + size(by_spin @ w)
+    slopes = module.EndSlopes(by_velocity, by_spin)
     assert slopes.deviation(launch) == pytest.approx(right, rel=closed_form(100))
     unknown = module.EndSlopes(np.full((3, 3), math.inf), np.full((3, 3), math.inf))
     assert unknown.deviation(launch) == math.inf

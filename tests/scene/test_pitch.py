@@ -56,6 +56,5 @@ def test_a_wall_is_read_with_its_default_width_of_five_players():
     assert astuple(read_wall("9.15:1.9")) == astuple(kd.Wall(9.15, 1.9)) == (9.15, 1.9, 2.5)
     assert astuple(read_wall("9.15:1.9:3.5")) == (9.15, 1.9, 3.5)
     for text in ("9" * 1000, "1:2:3:4", "a:b"):
-        with pytest.raises(kd.InvalidInput, match="DISTANCE:HEIGHT") as refused:
+        with pytest.raises(kd.InvalidInput, match="DISTANCE:HEIGHT"):
             read_wall(text)
-        assert len(str(refused.value)) < 350

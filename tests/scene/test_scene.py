@@ -24,9 +24,7 @@ def test_the_ball_touches_the_contact_point_and_its_way_to_the_plane_is_level():
 
 
 @pytest.mark.parametrize(("changes", "word"), [
-    ({"posture": "human"}, "kickdyn.Posture"), ({"ball": None}, "kickdyn.Ball"),
-    ({"air": "paper"}, "kickdyn.Air"), ({"v": [1, 2]}, "v has shape"),
-    ({"law": "none"}, "law is 'none'"), ({"incoming": [1, 2, 3]}, "kickdyn.BallState"),
+    ({"v": [1, 2]}, "v has shape"), ({"law": "none"}, "law is 'none'"),
     ({"incoming": kd.BallState(velocity=np.ones((2, 3)))}, r"incoming .*\(2, 3\)"),
     ({"law": kd.Compliance(), "contact": kd.Contact((1, 0, 0), 0.0)}, r"is 0.*0\.01"),
     ({"law": kd.Compliance(stiffness="pressure")}, "pressure is None"),

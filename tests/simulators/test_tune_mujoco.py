@@ -19,7 +19,6 @@ mujoco = pytest.importorskip("mujoco")
 POSTURE = kd.Leg.human().posture(np.radians([40, 30, -20]))
 V = np.array([8.25, -18.15, 2.48])
 ALONG = (math.cos(math.radians(30)), 0.0, math.sin(math.radians(30)))
-SPRING = (0.9999, 0.9999, 1.0, 0.5, 1.0)
 
 
 def tune(e, friction=0.0, normal=ALONG, **options):
@@ -43,7 +42,8 @@ def two_masses(mass, speed, e):
 def test_the_closed_form_is_the_restitution_of_two_masses(integrator, e):
     kick, mass, step = two_masses(0.3, 10.0, e), 0.3, 0.010 / 200
     k, b = closed_form_contact(e, 0.010, step, integrator)
-    ball = MujocoKick(kick, step, MujocoContact((-k, -b), SPRING), integrator).run(phase=0.25)
+    spring = MujocoContact((-k, -b), (0.9999, 0.9999, 1.0, 0.5, 1.0))
+    ball = MujocoKick(kick, step, spring, integrator).run(phase=0.25)
     share = mass / (mass + kick.ball.mass)
     assert ball.velocity[0] / (10.0 * share) - 1.0 == pytest.approx(e, abs=4e-3)
     assert ball.contact_time == pytest.approx(0.010, abs=0.5 * step)
@@ -119,6 +119,12 @@ def test_the_ball_of_the_snippet_is_that_of_the_tuning(tuned):
     assert (geom.condim[0], model.opt.timestep) == (1, 0.002)
     assert model.body("ball").mass[0] == ball.mass
     assert model.body("ball").inertia == pytest.approx([ball.inertia] * 3)
+    rough = replace(tuned, friction=0.4, condim=3, margin=0.007, solreffriction=(-1.0, -55.0))
+    text = rough.mjcf().replace("<worldbody>", '<worldbody><geom name="foot" size="1"/>')
+    model = mujoco.MjModel.from_xml_string(text)
+    sizes = [model.geom(name).size[0] for name in ("ball", "ball_surface")]
+    assert sizes == pytest.approx([ball.radius - 0.007, ball.radius])
+    assert (model.pair_friction[0, 0], model.pair_margin[0]) == (0.4, 0.007)
     for factor, is_said in ((1.05, False), (1.15, True), (0.95, False), (0.85, True)):
         lasted = replace(tuned, contact_time=factor * tuned.wanted_contact_time)
         assert bool(lasted.warnings) == is_said, factor

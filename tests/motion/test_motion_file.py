@@ -7,8 +7,7 @@ from tolerances import EPSILON, agrees, closed_form
 
 from kickdyn.simulators.mujoco_kick import COMPILER, write_bodies
 
-READ = 1e-12
-"""Rounding of numbers in 17 digits."""
+READ = 1e-12  # rounding of numbers in 17 digits
 
 
 def test_a_csv_has_root_and_joints_in_the_order_of_the_model(walking, tmp_path):

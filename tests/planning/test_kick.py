@@ -21,8 +21,7 @@ FOOT = "left_ankle_roll_link"
 STANDING = kd.Leg.from_robot("g1", base="floating", legs_only=True).with_supports(
     kd.Support(FOOT, friction=0.7)
 )
-PLACE = 1e-6
-"""Error of a ball's place [m] after a flight by `fly`."""
+PLACE = 1e-6  # [m]: of a ball after a flight by `fly`
 
 
 def check(plan, goal, height=None):

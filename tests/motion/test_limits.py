@@ -8,11 +8,11 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.motion import limits as module
-from kickdyn.motion.kick_task import check_sole
+from kickdyn.motion.kick_task import _friction, check_sole
 from kickdyn.motion.limits import Apart, Clearance, PressureCentre, RestingTorqueLimit, Sample
 from kickdyn.robot.ground_clearance import Spheres
 
-MIDDLE, MU, WEIGHT = np.array([0.3, -0.2]), 0.6, 400.0
+MIDDLE, WEIGHT = np.array([0.3, -0.2]), 400.0
 SOLE = MIDDLE + np.array([(0.1, 0.05), (0.1, -0.05), (-0.1, -0.05), (-0.1, 0.05)])
 STANDING = SimpleNamespace(sole=SOLE)
 
@@ -82,6 +82,7 @@ def test_a_sole_has_room_for_its_edges_of_3_mm_and_the_solver_s_4_mm(width, is_w
     standing = SimpleNamespace(sole=corners @ turn.T, support=SimpleNamespace(frame="foot"))
     if is_wide_enough:
         check_sole(standing)
+        assert _friction(SimpleNamespace(support=kd.Support("foot"))) == 0.7  # as plan_kick says
     else:
         with pytest.raises(kd.InvalidInput, match=r"is 13\.9 mm wide.* wider than 14 mm"):
             check_sole(standing)

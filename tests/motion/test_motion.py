@@ -10,7 +10,6 @@ from tolerances import agrees, closed_form, differenced
 from kickdyn.motion.motion import SETTLING, settling
 
 SOLE = "left_ankle_roll_link"
-TIMES = [-0.31, -0.07, 0.26]
 
 
 def test_a_motion_of_a_fixed_leg_is_its_splines_and_its_inverse_dynamics(swinging):
@@ -62,24 +61,8 @@ def test_a_pushed_joint_moves_after_the_impact_only(make_motion, walking):
     assert [motion.q(t)[column + 1] for t in (-0.2, 0.6)] == pytest.approx([0.2, 0.2])
 
 
-@pytest.fixture
-def constrained(walking):
-    """Return a function of q, v and torques: the acceleration while the foot is at rest."""
-    model = walking.robot.model
-    data, sole = model.createData(), model.frames[model.getFrameId(SOLE)]
-    feet, foot_data = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-    place = pin.ContactType.CONTACT_6D, model, sole.parentJoint, sole.placement
-    feet.append(pin.RigidConstraintModel(*place))
-    foot_data.append(feet[0].createData())
-    pin.initConstraintDynamics(model, data, feet, foot_data)
-    settings = pin.ProximalSettings(1e-14, 0.0, 1)
-    return lambda q, v, torque: pin.constraintDynamics(
-        model, data, q, v, torque, feet, foot_data, settings
-    )
-
-
-@pytest.mark.parametrize("t", TIMES)
-def test_the_supporting_foot_stays_and_the_ground_closes_the_momentum(walking, constrained, t):
+@pytest.mark.parametrize("t", [-0.31, -0.07, 0.26])
+def test_the_supporting_foot_stays_and_the_ground_closes_the_momentum(walking, t):
     model, q, v = walking.robot.model, walking.q(t), walking.v(t)
     data, frame = model.createData(), model.getFrameId(SOLE)
     pin.forwardKinematics(model, data, q, v)
@@ -88,18 +71,18 @@ def test_the_supporting_foot_stays_and_the_ground_closes_the_momentum(walking, c
     assert np.abs(pin.getFrameVelocity(model, data, frame).vector).max() < closed_form(10)
     torque = walking.torque(t)
     assert not torque[:6].any()
-    a, h = constrained(q, v, torque), 1e-6
-    agrees(a, (walking.v(t + h) - walking.v(t - h)) / (2 * h), differenced(1))
+    h = 1e-6
+    a = (walking.v(t + h) - walking.v(t - h)) / (2 * h)
     rate = pin.computeCentroidalMomentumTimeVariation(model, data, q, v, a).vector
     weight = pin.computeTotalMass(model) * model.gravity.linear
     force, moment = np.split(walking.ground_wrench(t), 2)
     alone, other = walking.foot_wrenches(t)
     assert (alone.tolist(), other.any()) == (walking.ground_wrench(t).tolist(), False)
     supplied = np.concatenate([weight + force, moment - np.cross(data.com[0], force)])
-    assert supplied == pytest.approx(rate, abs=closed_form(1e5))
+    agrees(supplied, rate, differenced(1))
     local = walking.placement.actInv(pin.Force(walking.ground_wrench(t))).vector
     rows = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL)
-    agrees(torque + rows.T @ local, pin.rnea(model, data, q, v, a), closed_form(1e3))
+    agrees(torque + rows.T @ local, pin.rnea(model, data, q, v, a), differenced(1))
 
 
 def test_the_plot_has_shares_of_the_limits_and_margins_in_millimetres(make_motion, swinging):

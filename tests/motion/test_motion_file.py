@@ -7,8 +7,7 @@ from tolerances import EPSILON, agrees, closed_form
 
 from kickdyn.simulators.mujoco_kick import COMPILER, write_bodies
 
-READ = 1e-12
-"""Rounding of numbers in 17 digits."""
+READ = 1e-12  # rounding of numbers in 17 digits
 
 
 def test_a_csv_has_root_and_joints_in_the_order_of_the_model(walking, tmp_path):
@@ -29,7 +28,7 @@ def test_an_npz_has_named_arrays(walking, tmp_path):
     walking.save(tmp_path / "kick.NPZ")
     with np.load(tmp_path / "kick.NPZ") as read:
         assert read["joint_names"].tolist() == list(walking.robot.joint_names[1:])
-        assert read["fps"] == 100
+        assert read["fps"] == walking.samples().rate == 100
         for k in range(0, len(read["time"]), 20):
             t = read["time"][k]
             agrees(read["joint_pos"][k], walking.q(t)[7:], READ)
@@ -37,6 +36,21 @@ def test_an_npz_has_named_arrays(walking, tmp_path):
             agrees(read["joint_torque"][k], walking.torque(t)[6:], READ)
             agrees(read["ground_wrench"][k], walking.ground_wrench(t), READ)
             agrees(read["root_pos"][k], walking.q(t)[:3], READ)
+
+
+def test_a_yaml_is_a_trajectory_of_ros_from_its_begin_on(walking, tmp_path):
+    yaml = pytest.importorskip("yaml")
+    walking.save(tmp_path / "kick.yaml", rate=50)
+    read = yaml.safe_load((tmp_path / "kick.yaml").read_text("utf-8"))
+    assert read["joint_names"] == list(walking.robot.joint_names[1:])
+    assert len(read["points"]) == 59
+    for k, point in enumerate(read["points"]):
+        t, since = (k - 27) / 50, point["time_from_start"]
+        assert since["sec"] + 1e-9 * since["nanosec"] == pytest.approx(k / 50, abs=1e-9)
+        assert 0 <= since["nanosec"] < 1e9
+        agrees(point["positions"], walking.q(t)[7:], READ)
+        agrees(point["velocities"], walking.v(t)[6:], READ)
+        agrees(point["effort"], walking.torque(t)[6:], READ)
 
 
 def test_keyframes_put_mujocos_bodies_where_pinocchio_has_them(walking, tmp_path):

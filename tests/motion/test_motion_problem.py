@@ -13,9 +13,9 @@ import scipy.sparse as sp
 from tolerances import agrees, closed_form, differenced
 
 import kickdyn as kd
+from kickdyn.motion.impact_rows import TURN_SCALE
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.kick_task import KickTask
-from kickdyn.motion.limits import RestingTorqueLimit, SpeedLimit
 from kickdyn.motion.motion_problem import ENDS, JERK, NEARNESS, SHARE, MotionProblem
 from kickdyn.motion.row_blocks import Block, Cost, block_solver, make_rows
 from kickdyn.motion.solution import Multipliers, Solution
@@ -126,37 +126,32 @@ def test_derivatives_of_blocks_are_differences():
     agrees([rows.lower[0], rows.upper[0]], [-1.0, 2.0], 0)
     maps, weights, ps = draw.normal(size=(4, 3)), np.array([0.5, 2.0]), np.array([[0.3, -0.2]])
     quadratic, centre, slope = np.diag([1.0, 2.0]), np.array([0.5, -1.0]), np.array([0, 0, 3.0])
-    linear = np.array([[1.0, -2.0, 0.5]])
-    block = Block(rows, sp.csr_matrix(maps), ps, weights)
+    linear, block = np.array([[1.0, -2.0, 0.5]]), Block(rows, sp.csr_matrix(maps), ps, weights)
     cost = Cost(sp.csr_matrix(quadratic), centre, slope)
     solver = block_solver([block], sp.csr_matrix(linear), cost, 3, {})
+    names, multipliers = ("nlp_grad_f", "nlp_jac_g", "nlp_hess_l"), np.array([0.7, -1.1, 0.4])
+    gradient, jacobian, hessian = map(solver.get_function, names)
 
     def values(x):
         """Return the cost and the rows by hand."""
-        points = (maps @ x).reshape(2, 2)
+        a, b = (maps @ x).reshape(2, 2).T
         total = 0.5 * (x[:2] - centre) @ quadratic @ (x[:2] - centre) + slope @ x
-        total += weights @ (points[:, 0] ** 2 * points[:, 1])
-        return total, np.append(linear @ x, np.sin(points[:, 0]) * points[:, 1] + ps[0])
-
-    x, multipliers, h = draw.normal(size=3), np.array([0.7, -1.1, 0.4]), 1e-5
-    gradient = solver.get_function("nlp_grad_f")
-    jacobian, hessian = solver.get_function("nlp_jac_g"), solver.get_function("nlp_hess_l")
-    assert float(gradient(x, [])[0]) == pytest.approx(values(x)[0], rel=closed_form(10))
-    agrees(np.asarray(jacobian(x, [])[0]).ravel(), values(x)[1], closed_form(10))
-    ends = [(values(x + h * e), values(x - h * e)) for e in np.eye(3)]
-    slopes = [(a[0] - b[0]) / (2 * h) for a, b in ends]
-    agrees(np.asarray(gradient(x, [])[1]).ravel(), slopes, 10 * differenced())
-    rows_by_x = np.transpose([(a[1] - b[1]) / (2 * h) for a, b in ends])
-    agrees(np.asarray(jacobian(x, [])[1]), rows_by_x, 10 * differenced())
+        return np.array([total + weights @ (a**2 * b), *linear @ x, *np.sin(a) * b + ps[0]])
 
     def lagrangian_slope(x):
-        g = np.asarray(gradient(x, [])[1]).ravel()
-        return 1.5 * g + np.asarray(jacobian(x, [])[1]).T @ multipliers
+        rows = np.asarray(jacobian(x, [])[1])
+        return 1.5 * np.asarray(gradient(x, [])[1]).ravel() + rows.T @ multipliers
 
-    steps = h * np.eye(3)
-    second = [(lagrangian_slope(x + e) - lagrangian_slope(x - e)) / (2 * h) for e in steps]
+    def differences(function):
+        steps = 1e-5 * np.eye(3)
+        return np.transpose([(function(x + e) - function(x - e)) / 2e-5 for e in steps])
+
+    x = draw.normal(size=3)
+    (total, first), (rows, others) = (map(np.asarray, f(x, [])) for f in (gradient, jacobian))
+    agrees([*total.ravel(), *rows.ravel()], values(x), closed_form(10))
+    agrees(np.vstack([first.reshape(1, 3), others]), differences(values), 10 * differenced())
     upper = np.asarray(ca.DM(hessian(x, [], 1.5, multipliers)))
-    agrees(np.triu(upper), np.triu(second), 10 * differenced())
+    agrees(np.triu(upper), np.triu(differences(lagrangian_slope)), 10 * differenced())
 
 
 def drawn_solution(problem, size=0.15):
@@ -216,58 +211,65 @@ def test_limits_hold_a_launch_back_by_their_multipliers(problem):
     assert re.search(r"reaches 83 % of the launch.*torque of knee.*speed of ankle", line)
 
 
-@pytest.mark.parametrize(("missing", "is_whole"), [(5e-5, True), (2e-4, False)])
-def test_a_launch_that_is_reached_but_for_a_solver_s_distance_is_whole(problem, missing, is_whole):
-    """Interior points stay up to 1e-4 from the bound of the share."""
-    start = replace(drawn_solution(problem), share=1.0 - missing)
-    bounds = {"shares": (start.share, start.share), "options": {"max_iter": 0}}
-    solution = problem.solve(start, start.rest, start.times, **bounds)
-    assert solution.share == (1.0 if is_whole else start.share)
-
-
-class OnAFoot:
-    """A motion of drawn splines on the left foot, of six joints, and the verdict on it."""
-
-    def __init__(self):
-        sole = [(x, y, -0.035) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
-        locked = {"*ankle*": 0, "*hip_yaw*": 0}
-        robot = kd.Leg.from_robot("g1", base="floating", legs_only=True, locked=locked)
-        support = kd.Support("left_ankle_roll_link", friction=0.6, sole=sole)
-        self.standing = stands = StandingRobot(robot.with_supports(support))
-        free = np.zeros((0, 3)), np.zeros(3), np.zeros((0, 3))
-        task = KickTask(stands.robot, stands.leg, target_of(0.8, 0.4), np.eye(3), *free, stands)
-        self.problem = problem = MotionProblem(task, MotionSplines(0.5, 0.5, (3, 3)))
-        c = np.random.default_rng(1).uniform(-0.2, 0.2, (problem.splines.size, problem.n))
-        self.verdict = Verdict(problem, Solution(c[0], c, 1.0, problem.splines.times(2, 4)))
-        self.motion = self.verdict.planned().motion
-
-    def ground(self, wrench):
-        """Return the least margins of a wrench or impulse of the ground, by the sole's corners."""
-        (x, y, z), moment = np.split(wrench, 2)
-        low, high = self.standing.sole.min(axis=0), self.standing.sole.max(axis=0)
-        turns, middle = np.arange(8) * math.pi / 4, (low + high) / 2
-        centre = np.array([-moment[1], moment[0]]) / z
-        twist = abs((moment[2] - middle[0] * y + middle[1] * x) / z)
-        return {
-            "friction": 0.6 * math.cos(math.pi / 8)
-            - ((np.cos(turns) * x + np.sin(turns) * y) / z).max(),
-            "centre": min((centre - low).min(), (high - centre).min()),
-            "moment": 0.5 * 0.6 * math.hypot(*(high - low)) / 2 - twist,
-        }  # fmt: skip
-
-
 @pytest.fixture(scope="module")
 def on_a_foot():
-    return OnAFoot()
+    """The verdict on drawn splines on the left foot, of six joints."""
+    sole = [(x, y, -0.035) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
+    locked = {"*ankle*": 0, "*hip_yaw*": 0}
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True, locked=locked)
+    stands = StandingRobot(
+        robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.6, sole=sole))
+    )
+    free = np.zeros((0, 3)), np.zeros(3), np.eye(3)[:2]
+    task = KickTask(stands.robot, stands.leg, target_of(0.8, 0.4), np.eye(3), *free, stands)
+    problem = MotionProblem(task, MotionSplines(0.5, 0.5, (3, 3)))
+    c = np.random.default_rng(1).uniform(-0.2, 0.2, (problem.splines.size, problem.n))
+    return Verdict(problem, Solution(c[0], c, 1.0, problem.splines.times(2, 4)))
+
+
+def ground_margins(standing, wrench):
+    """Return the least margins of a wrench or impulse of the ground, by the sole's corners."""
+    (x, y, z), moment = np.split(wrench, 2)
+    low, high = standing.sole.min(axis=0), standing.sole.max(axis=0)
+    turns, middle = np.arange(8) * math.pi / 4, (low + high) / 2
+    centre = np.array([-moment[1], moment[0]]) / z
+    twist = abs((moment[2] - middle[0] * y + middle[1] * x) / z)
+    slope = ((np.cos(turns) * x + np.sin(turns) * y) / z).max()
+    return {
+        "friction": 0.6 * math.cos(math.pi / 8) - slope,
+        "centre": min((centre - low).min(), (high - centre).min()),
+        "moment": 0.5 * 0.6 * math.hypot(*(high - low)) / 2 - twist,
+    }
+
+
+def test_a_strike_on_a_foot_keeps_the_rows_of_the_impact(on_a_foot):
+    """Facing the ball is told in the axes of the foot, and how it turns across the normal."""
+    problem, leg, n = on_a_foot.problem, on_a_foot.problem.task.leg, on_a_foot.problem.n
+    model, data, normal = leg.model, leg.model.createData(), problem.task.target.contact.normal
+    q = np.linspace(-0.3, 0.3, n)
+    posture = leg.posture(q).with_contact_offset((0.02, 0.0, 0.01))
+    v = posture.joint_velocity(problem.task.target.foot_velocity(posture))
+    jump = problem.jump(q)
+    agrees(jump, posture.solve(-problem.task.target.impulse @ posture.jacobian), closed_form(1e4))
+    values, _ = problem.impact.values(np.concatenate([q, v, jump, [1.0], jump]), [])
+    ends = np.cumsum([2 * n + 1, 2, 2, 2])
+    kept, facing, slip, turning, _ = np.split(np.asarray(values).ravel(), ends)
+    pin.forwardKinematics(model, data, q, v)
+    rate = pin.getVelocity(model, data, leg.contact_joint, pin.LOCAL_WORLD_ALIGNED).angular
+    agrees([*kept, *slip], np.zeros(2 * n + 3), closed_form(1e4))
+    agrees(facing, (data.oMi[leg.contact_joint].rotation.T @ normal)[:2], closed_form(10))
+    across = np.linalg.norm(np.cross(rate, normal))
+    assert np.linalg.norm(turning) == pytest.approx(across / TURN_SCALE, rel=closed_form(1e4))
 
 
 def test_the_ground_s_impulse_in_a_verdict_is_that_of_a_strike(on_a_foot):
-    standing, verdict, motion = on_a_foot.standing, on_a_foot.verdict, on_a_foot.motion
+    verdict, task, motion = on_a_foot, on_a_foot.problem.task, on_a_foot.planned().motion
+    standing = task.standing
     posture = standing.robot.posture(motion.q(0.0)).with_contact_offset((0.02, 0.0, 0.01))
-    impulse = verdict.problem.task.target.impulse
+    impulse = task.target.impulse
     _, wrench = posture.respond(-impulse @ posture.jacobian)
     about = wrench[3:] + np.cross(standing.placement.translation, wrench[:3])
-    right = on_a_foot.ground(np.append(wrench[:3], about))
+    right = ground_margins(standing, np.append(wrench[:3], about))
     right = [wrench[2] / np.linalg.norm(impulse) - 0.005, *right.values()]
     shown = [rows.min() for rows in np.split(verdict.impulse, [1, 9, 13])]
     agrees(shown, right, closed_form(1e4))
@@ -279,10 +281,10 @@ def test_the_ground_s_impulse_in_a_verdict_is_that_of_a_strike(on_a_foot):
 
 @pytest.mark.parametrize("t", np.arange(-44, 46, 4) / 100)
 def test_the_margins_of_a_motion_are_those_of_its_torques_and_its_ground(on_a_foot, t):
-    standing, motion = on_a_foot.standing, on_a_foot.motion
+    standing, motion = on_a_foot.problem.task.standing, on_a_foot.planned().motion
     robot, margins, q = motion.robot, motion.margins(t), motion.q(t)
     wrench, model, data = motion.ground_wrench(t), robot.model, robot.model.createData()
-    right = on_a_foot.ground(wrench)
+    right = ground_margins(standing, wrench)
     pin.forwardKinematics(model, data, q)
     foot, pose = joint_spheres(robot, robot.contact_joint), data.oMi[robot.contact_joint]
     places = foot.centres @ pose.rotation.T + pose.translation
@@ -310,26 +312,3 @@ def test_the_margins_of_a_motion_are_those_of_its_torques_and_its_ground(on_a_fo
     assert height == pytest.approx((places[:, 2] - foot.radii).min(), abs=8e-3)
     beside = standing.sole[:, 1].min() - (places[:, 1] + foot.radii).max()
     assert apart == pytest.approx(beside, abs=0.02)
-
-
-def test_times_are_added_where_limits_are_nearest(problem):
-    solution = drawn_solution(problem, size=0.6)
-    verdict = Verdict(problem, solution)
-    torque = verdict.rows[:, :3].min(axis=1)
-    worst = np.concatenate(verdict.times)[torque.argmin()]
-    assert torque.min() < 0.0
-    added = verdict.add_points(solution.times)
-    assert worst in np.concatenate(added)
-    for before, after in zip(solution.times, added, strict=True):
-        assert set(before) <= set(after)
-        assert (np.diff(after) > 0).all()
-
-
-def test_joints_at_rest_with_half_their_torque_limit_are_next_to_an_overloaded_one():
-    limits = [SpeedLimit(["hip"], np.ones(1)), RestingTorqueLimit("abc", np.ones(3), range(3))]
-    verdict = object.__new__(Verdict)
-    task = SimpleNamespace(resting=["waist", "elbow", "wrist"])
-    verdict.problem = SimpleNamespace(limits=limits, task=task)
-    for largest, named in (([1.01, 0.51, 0.49], ["waist", "elbow"]), ([0.99, 0.51, 0.49], [])):
-        verdict.rows = 1.0 - np.array([[9.0, *largest], [0.0, 0.2, 0.2, 0.2]])
-        assert verdict.overloaded() == named

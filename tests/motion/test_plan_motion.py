@@ -2,7 +2,6 @@
 
 import re
 from itertools import pairwise
-from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -13,13 +12,8 @@ from scipy.spatial import ConvexHull
 from tolerances import agrees, closed_form, integrated, optimized
 
 import kickdyn as kd
-from kickdyn.motion import plan_motion
-from kickdyn.motion.impact_target import impact_target_for
-from kickdyn.motion.kick_task import KickTask
 from kickdyn.planning import kick
 from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions
-from kickdyn.robot.kicking_chain import kicking_chain
-from kickdyn.robot.standing import StandingRobot
 
 PLANS = {"human": swinging, "g1": standing, "g1 with its waist": waist}
 
@@ -157,21 +151,3 @@ def test_a_motion_is_planned_again_for_a_launch_nearby():
     assert again.motion.v_after == pytest.approx(again.impact.v_after, abs=optimized(1e-7))
     assert np.abs(again.q - plan.q).max() < 0.2
     check_limits(again)
-
-
-def test_limbs_that_a_motion_put_aside_stay_there_when_it_is_planned_again(monkeypatch):
-    """The centre of mass is that of the robot whose arm is lifted."""
-    robot = kd.Leg.from_robot("g1", base="floating", locked={"*wrist*": 0})
-    stands, free = StandingRobot(robot.with_supports(SOLE)), (np.zeros((0, 3)), np.zeros(3))
-    target = impact_target_for((4.0, 0.5, 2.0), np.zeros(3), BALL, kd.Contact(friction=0.4))
-    task = KickTask(stands.robot, stands.leg, target, np.eye(3), *free, free[0], stands)
-    aside = {"left_shoulder_roll_joint": 0.7}
-    near = SimpleNamespace(aside=aside, joints=kicking_chain(stands.leg).leg.joint_names)
-    planned = lambda task, *_: SimpleNamespace(task=task, keeps_limits=True)  # noqa: E731
-    monkeypatch.setattr(plan_motion, "_plan", planned)
-    again = plan_motion.plan_motion(task, near).task
-    assert again.aside == aside
-    legs, whole = again.leg, stands.leg
-    place = pin.centerOfMass(whole.model, whole.model.createData(), whole.configuration(aside))
-    centre = pin.centerOfMass(legs.model, legs.model.createData(), legs.configuration())
-    agrees(centre, place, closed_form(10))

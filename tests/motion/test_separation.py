@@ -1,11 +1,12 @@
 """Bodies near each other and the ball, and the conditions that keep them apart."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from tolerances import agrees, closed_form
 
 import kickdyn as kd
-from kickdyn.motion.separation import WITHIN, Conditions, Surroundings, with_former
+from kickdyn.motion.separation import WITHIN, Surroundings
 
 LEG = kd.Leg.human()
 Q = np.radians([40.0, 30.0, -20.0])
@@ -51,14 +52,26 @@ def test_conditions_are_of_the_nearest_points_at_the_deepest_and_the_chosen_time
         agrees(column[6:], a - depth * (pose.rotation @ column[3:6]), closed_form(1e4))
 
 
-def conditions(joints, times, parameters):
-    return Conditions(joints, np.array(times), np.array(parameters, float) * np.ones((9, 1)))
-
-
-def test_former_conditions_stay_at_times_without_new_ones():
-    new = [conditions((1, -1), [0.1, 0.3], [1.0, 3.0])]
-    former = [conditions((1, -1), [0.1, 0.2], [7.0, 2.0]), conditions((2, 1), [0.5], [5.0])]
-    ball, bodies = with_former(new, former)
-    assert ball.times.tolist() == [0.1, 0.2, 0.3]
-    assert ball.parameters[0].tolist() == [1.0, 2.0, 3.0]
-    assert (bodies.joints, bodies.times.tolist()) == ((2, 1), [0.5])
+def test_nearest_points_of_two_spheres_are_in_the_axes_of_their_joints(tmp_path):
+    """Of pendulums side by side at a trunk."""
+    spheres, centre = (("first", 0.0, 0.05), ("second", 0.4, 0.04)), np.array([0.0, 0.0, -0.5])
+    bodies = "".join(
+        f'<body name="{name}" pos="{x} 0 0"><joint name="{name}" axis="0 1 0"/>'
+        f'<geom size="{radius}" pos="0 0 -0.5"/></body>'
+        for name, x, radius in spheres
+    )
+    trunk = f'<body><joint name="trunk" axis="0 1 0"/><geom size="0.1"/>{bodies}</body>'
+    (tmp_path / "leg.xml").write_text(f"<mujoco><worldbody>{trunk}</worldbody></mujoco>")
+    leg, q = kd.Leg.from_mjcf(tmp_path / "leg.xml", "second"), np.array([0.1, -0.3, 0.2])
+    around, always = Surroundings(leg, leg, 0.11), np.ones(1, bool)
+    gaps = around.gaps(q, None)
+    (found,) = around.conditions([gaps], np.zeros(1), q[None], always)
+    data = leg.model.createData()
+    pin.forwardKinematics(leg.model, data, q)
+    way = data.oMi[3].act(centre) - data.oMi[2].act(centre)
+    distance = np.linalg.norm(way)
+    assert -gaps[0].place.depth == pytest.approx(distance - 0.09, rel=closed_form(1e4))
+    of_first, of_second = (data.oMi[joint].rotation.T @ way / distance for joint in (2, 3))
+    right = [centre + 0.05 * of_first, of_first, centre - 0.04 * of_second]
+    assert found.joints == (2, 3)
+    agrees(found.parameters.ravel(), np.ravel(right), closed_form(1e4))

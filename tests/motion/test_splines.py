@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tolerances import agrees, closed_form
 
-from kickdyn.motion.splines import MotionSplines, integration_weights
+from kickdyn.motion.splines import MotionSplines
 
 SPLINES = MotionSplines(0.5, 0.7, (6, 4))
 COEFFICIENTS = np.random.default_rng(0).normal(size=(SPLINES.size, 2))
@@ -48,9 +48,3 @@ def test_coefficients_of_the_velocities_bound_them():
     speeds = SPLINES.values(times, 1) @ COEFFICIENTS
     assert (speeds.max(axis=0) <= rows.max(axis=0)).all()
     assert (speeds.min(axis=0) >= rows.min(axis=0)).all()
-
-
-def test_weights_are_those_of_trapezoids():
-    times = np.array([0.0, 0.1, 0.4, 1.0])
-    right = [np.trapezoid(values, times) for values in np.eye(4)]
-    agrees(integration_weights(times), right, closed_form())

@@ -42,43 +42,34 @@ def test_the_wrench_is_split_into_parallel_forces_at_both_feet(share):
             assert about == pytest.approx(weight * twist)
 
 
-class Shifting:
-    """G1 at rest on one foot between the shifts, and the problem of its motion."""
-
-    def __init__(self):
-        robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
-        robot, made = robot.with_supports(kd.Support(FEET[0], friction=0.7)), []
-
-        def stop(task, near=None):
-            problem = plan_motion._problem_of(task)
-            made.extend([problem, *next(plan_motion._starts(problem, plan_motion._Near(None)))])
-            raise kd.InvalidInput("enough")
-
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(plan_motion, "plan_motion", stop)
-            with pytest.raises(kd.InvalidInput, match="enough"):
-                kd.plan_kick(robot, kd.Goal(2, time=0.4), kd.Ball(), motion="both-feet")
-        self.problem, self.rest, self.start = made
-        task = self.problem.task
-        shift = shift_weight(self.problem, self.problem.feet, self.rest)
-        knots = np.repeat([[-0.3, 0], [0, 0.3]], 4, 1)
-        splines = [BSpline(t, np.tile(self.rest, (4, 1)), 3) for t in knots]
-        place = task.standing.placement
-        self.motion = Motion(task.robot, task.leg.joint_names, *splines, place, shift=shift)
-        self.times = np.linspace(self.motion.begin + 0.01, -0.31, 7)
-
-
 @pytest.fixture(scope="module")
-def shifting():
-    return Shifting()
+def motion():
+    """G1 at rest on one foot between shifts of its weight to and from both."""
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    robot, tasks = robot.with_supports(kd.Support(FEET[0], friction=0.7)), []
+
+    def stop(task, near=None):
+        tasks.append(task)
+        raise kd.InvalidInput("enough")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan_motion, "plan_motion", stop)
+        with pytest.raises(kd.InvalidInput, match="enough"):
+            kd.plan_kick(robot, kd.Goal(2, time=0.4), kd.Ball(), motion="both-feet")
+    task, problem = tasks[0], plan_motion._problem_of(tasks[0])
+    rest, _ = next(plan_motion._starts(problem, plan_motion._Near(None)))
+    knots = np.repeat([[-0.3, 0], [0, 0.3]], 4, 1)
+    splines = [BSpline(t, np.tile(rest, (4, 1)), 3) for t in knots]
+    place, shift = task.standing.placement, shift_weight(problem, problem.feet, rest)
+    return Motion(task.robot, task.leg.joint_names, *splines, place, shift=shift)
 
 
 @pytest.mark.slow
-def test_torques_and_the_wrenches_on_both_feet_accelerate_the_robot(shifting):
-    motion, h = shifting.motion, 1e-6
+def test_torques_and_the_wrenches_on_both_feet_accelerate_the_robot(motion):
+    h, times = 1e-6, np.linspace(motion.begin + 0.01, -0.31, 7)
     model, feet, loaded = motion.robot.model, motion.shift.feet, 0
     data, limit = model.createData(), motion.robot.effort_limit[6:]
-    for t in shifting.times:
+    for t in times:
         q, v, force = motion.q(t), motion.v(t), motion.torque(t)
         assert (np.abs(force[6:]) <= limit).all()
         wrenches = motion.foot_wrenches(t)
@@ -99,12 +90,12 @@ def test_torques_and_the_wrenches_on_both_feet_accelerate_the_robot(shifting):
         rate = (motion.v(t + h) - motion.v(t - h)) / (2 * h)
         assert pin.aba(model, data, q, v, force) == pytest.approx(rate, abs=2e-4)  # of differences
         assert min(motion.margins(t).values()) >= 0.0
-    assert len(shifting.times) < loaded < 2 * len(shifting.times)
+    assert len(times) < loaded < 2 * len(times)
 
 
 @pytest.mark.slow
-def test_the_weight_goes_from_both_feet_to_one_and_back(shifting):
-    motion, shift = shifting.motion, shifting.motion.shift
+def test_the_weight_goes_from_both_feet_to_one_and_back(motion):
+    shift = motion.shift
     weight = 9.81 * pin.computeTotalMass(motion.robot.model)
     at_rest, alone = motion.foot_wrenches(motion.begin), motion.foot_wrenches(0.0)
     assert [wrench[2] for wrench in at_rest] == pytest.approx([weight / 2] * 2, rel=optimized(1e-7))

@@ -16,7 +16,6 @@ HUMAN = kd.Leg.human()
 G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
 BOLT = kd.Leg.from_robot("bolt", base="floating")
 ROLLING = kd.BallState((2.0, 0.0, -0.7042), (-2.5, 0.0, 0.0), (0.0, -2.5 / BALL.radius, 0.0), 5.0)
-DROPPING = kd.BallState((2.2, 0.0, -0.3), (-5.0, 0.0, 0.3), (0.0, 6.0, 0.0))
 FLOOR = kd.Ground(-9.0, "turf")
 
 
@@ -57,6 +56,17 @@ def test_times_within_reach_are_those_of_the_parabola(speed):
     assert times == pytest.approx(expected, abs=4.8 / speed / 400)
 
 
+def test_times_just_before_and_after_the_crossing_of_a_turned_leg_s_plane_are_among_them():
+    """Through the plane y = 0.1 m, in which the foot of a leg that faces x moves."""
+    state = kd.BallState((2.0, 0.65, 0.0), (-20.0, -8.0, 0.0))
+    reach, ahead = Reach(np.zeros(3), 1.0, np.eye(3)[1], 0.1), np.eye(3)[0]
+    times = waits(state, reach, 0.15, lambda times: np.tile(ahead, (len(times), 1)))
+    after = int(np.searchsorted(times, 0.55 / 8.0))
+    near, apart = times[after] - times[after - 1], np.ptp(times) / (CANDIDATES - 1)
+    assert len(times) == CANDIDATES + 2
+    assert near < 0.5 * apart
+
+
 @pytest.mark.parametrize(("leg", "height", "rate", "ground"), [
     (G1, 0.5, 1.0, None), (G1, -0.9, 1.0, -0.9), (G1, 0.5, 0.0, 0.5), (BOLT, 0.5, 1.0, 0.0),
     (HUMAN, 0.5, 1.0, HUMAN.posture(np.zeros(3)).contact_point[2])])  # fmt: skip
@@ -70,9 +80,9 @@ def test_the_ground_is_under_the_other_foot_or_under_a_lower_ball(leg, height, r
         assert depth == pytest.approx(lift if lift > 2e-3 else 0.0)
 
 
-@pytest.mark.parametrize(("passes", "beside"), [(0.2, 0.0), (0.2, 0.004), (0.0, 0.0), (0.44, 0.0)])
+@pytest.mark.parametrize(("passes", "beside"), [(0.2, 0.0), (0.2, 0.004), (0.0, 0.0), (0.45, 0.0)])
 def test_a_place_on_the_path_gives_the_time(passes, beside):
-    """In the middle, at the beginning and near the end of the path, and a little beside it."""
+    """In the middle, at the beginning and at the end of the path, and a little beside it."""
     flies = kd.BallState((0.4, 0.0, 0.5), (-1.0, 0.0, 0.0), time=2.0)
     ground = kd.Ground(-0.79, "turf")
     point = kd.follow(flies, BALL, None, ground, 1e-12).sample(passes).position

@@ -2,13 +2,11 @@
 
 import math
 from dataclasses import replace
-from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.optimize import brentq
 from scipy.spatial import ConvexHull
 from tolerances import agrees, closed_form, optimized
 
@@ -23,8 +21,7 @@ FOOT = "left_ankle_roll_link"
 STANDING = kd.Leg.from_robot("g1", base="floating", legs_only=True).with_supports(
     kd.Support(FOOT, friction=0.7)
 )
-PLACE = 1e-6
-"""Error of a ball's place [m] after a flight by `fly`."""
+PLACE = 1e-6  # [m]: of a ball after a flight by `fly`
 
 
 def check(plan, goal, height=None):
@@ -38,45 +35,31 @@ def check(plan, goal, height=None):
     path = kd.fly(hit.ball_after, BALL, AIR, kd.Ground(-20.0), 1e-12, plane=wall)
     assert path.landing.position - start == pytest.approx(goal.target, abs=PLACE)
     assert path.duration == pytest.approx(plan.launch.time, abs=PLACE)
-    assert plan.landing_error < PLACE
+    assert (plan.path.status, plan.landing_error < PLACE) == ("at-plane", True)
     assert not leg.outside_range(plan.q)
     assert (np.abs(plan.v) <= leg.velocity_limit).all()
+    if height is not None:
+        assert start[2] == pytest.approx(height, abs=optimized(1e-5))
+    if leg.supports:
+        return
     torque = pin.nonLinearEffects(leg.model, leg.model.createData(), plan.q, plan.v)
-    moving = [
-        leg.velocity_index(name) for name in leg.single_joints if plan.v[leg.velocity_index(name)]
-    ]
+    moving = plan.v != 0.0
     speed_use = (np.abs(plan.v) / leg.velocity_limit)[moving].max()
     torque_use = (np.abs(torque) / leg.effort_limit)[moving].max()
     agrees([plan.speed_use, plan.torque_use], [speed_use, torque_use], closed_form(1e4))
     assert torque_use <= 1
-    if height is not None:
-        assert start[2] == pytest.approx(height, abs=optimized(1e-5))
-
-
-def drawn_postures(height, normal, count):
-    """Yield postures of the human leg with the ball at a height, of drawn hips and ankles."""
-    draw, knees = np.random.default_rng(3), np.linspace(HUMAN.lower[1], HUMAN.upper[1], 12)
-    for hip, ankle in draw.uniform(HUMAN.lower[[0, 2]], HUMAN.upper[[0, 2]], (count, 2)):
-
-        def above(knee, hip=hip, ankle=ankle):
-            point = HUMAN.posture(np.array([hip, knee, ankle])).contact_point
-            return point[2] + BALL.radius * normal[2] - height
-
-        for low, high in pairwise(knees):
-            if above(low) * above(high) < 0.0:
-                knee = brentq(above, low, high, xtol=1e-9)
-                yield HUMAN.posture(np.array([hip, knee, ankle]))
 
 
 @pytest.mark.parametrize("objective", [o for o in OBJECTIVES if o != "most-joint-impulse"])
 def test_no_drawn_kick_of_the_human_leg_is_better(objective):
-    goal, height = kd.Goal(15, time=1.1), -0.704
-    plan = kd.plan_kick(HUMAN, goal, BALL, AIR, objective=objective, ball_position=height)
+    goal = kd.Goal(15, time=1.1)
+    plan = kd.plan_kick(HUMAN, goal, BALL, AIR, objective=objective)
     assert plan.share == 1.0
-    check(plan, goal, height)
+    check(plan, goal)
     target, limit = plan.impact_target, HUMAN.velocity_limit
     model, data, values = HUMAN.model, HUMAN.model.createData(), []
-    for posture in drawn_postures(height, target.contact.normal, 600):
+    for q in np.random.default_rng(3).uniform(HUMAN.lower, HUMAN.upper, (1500, 3)):
+        posture = HUMAN.posture(q)
         rows, foot = posture.jacobian[[0, 2]], target.foot_velocity(posture)[[0, 2]]
         for weights in (posture.inertia, np.diag(1 / limit**2)):
             inner = np.linalg.solve(weights, rows.T)
@@ -150,7 +133,6 @@ def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
     (kd.Goal(15, time=1), {"contact": kd.Contact((1, 0, 0))}, r"normal \[1.0, 0.0, 0.0\]"),
     (kd.Goal(15, time=1), {"ball_position": (0, 1)}, r"ball_position has shape \(2,\)"),
     (kd.Goal(15, time=1), {"ball_position": 1e10}, r"ball_position is 1(e\+|0{10})"),
-    (kd.Goal(15, time=1), {"ball_position": (0.2, 0.2, -0.7)}, "is 0.2 m from the plane"),
     (kd.Goal((10, 0, 3), apex=1), {}, "apex 3 m"),
     (kd.Goal(4, apex=1), {"surface": "carpet"}, "must have a time or a speed"),
     (kd.Goal(4, time=60), {"surface": "carpet"}, "stops before the target"),
@@ -193,32 +175,22 @@ def test_a_robot_is_turned_about_the_ball_by_what_its_motion_lacks_in_azimuth(mo
     agrees(pin.rpy.rpyToMatrix(0, 0, angle) @ asked, wished, closed_form(10))
 
 
-def frame_pose(leg, q, name):
-    data = leg.model.createData()
-    pin.framesForwardKinematics(leg.model, data, q)
-    return data.oMf[leg.model.getFrameId(name)]
-
-
 @pytest.mark.slow
 def test_a_standing_robot_kicks_a_ball_on_the_ground_from_its_foot():
-    standing = kd.plan_kick(STANDING, kd.Goal(3, time=0.4), BALL, AIR)
-    assert standing.status == "met"
-    again = kd.strike(
-        standing.leg.posture(standing.q), standing.v, BALL, standing.impact_target.contact
-    )
-    agrees(again.ball_after.velocity, standing.launch.velocity, optimized(1e-10))
-    assert standing.landing_error < PLACE
-    assert abs(standing.impact.ball_before.position[2] - BALL.radius) < optimized(1e-5)
-    foot = frame_pose(standing.leg, standing.q, FOOT)
-    corners = standing.leg.constraints.supports[0].sole @ foot.rotation.T + foot.translation
+    goal = kd.Goal(3, time=0.4)
+    plan = kd.plan_kick(STANDING, goal, BALL, AIR)
+    assert plan.status == "met"
+    check(plan, goal, BALL.radius)
+    model, data = plan.leg.model, plan.leg.model.createData()
+    pin.framesForwardKinematics(model, data, plan.q)
+    foot = data.oMf[model.getFrameId(FOOT)]
+    corners = np.array([foot.act(corner) for corner in plan.leg.supports[0].sole])
     assert corners[:, 2] == pytest.approx(0.0, abs=closed_form(10))
-    centre = pin.centerOfMass(standing.leg.model, standing.leg.model.createData(), standing.q)[:2]
     edges = ConvexHull(corners[:, :2]).equations
+    centre = pin.centerOfMass(model, data, plan.q)[:2]
     inside = -(edges[:, :2] @ centre + edges[:, 2]).max()
-    assert standing.balance == pytest.approx(inside, abs=closed_form(1e4))
+    assert plan.balance == pytest.approx(inside, abs=closed_form(1e4))
     assert inside >= 0
-    assert not standing.leg.outside_range(standing.q)
-    assert (np.abs(standing.v[6:]) <= standing.leg.velocity_limit[6:]).all()
-    tilt = math.acos(pin.Quaternion(standing.q[3:7]).matrix()[2, 2])
+    tilt = math.acos(pin.Quaternion(plan.q[3:7]).matrix()[2, 2])
     assert math.degrees(tilt) <= 30.0
-    assert set(standing.impact.footing.values()) <= {"stands", "turns"}
+    assert set(plan.impact.footing.values()) <= {"stands", "turns"}

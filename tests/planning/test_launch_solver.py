@@ -64,13 +64,3 @@ def test_lowest_and_highest_places(spin, up):
     if up < 0 and spin[1]:
         assert solver.lowest(shot) < -0.05
         assert apex(shot)[0] > 0.2
-
-
-def test_a_step_in_the_root_of_the_speed_is_newtons_to_first_order():
-
-    def root(v):
-        return v / np.sqrt(np.linalg.norm(v))
-
-    step, h = np.array([0.7, -0.4, 1.1]), 1e-6
-    change = (root(VELOCITY + h * step) - root(VELOCITY - h * step)) / (2 * h)
-    agrees(root(solver.step_in_root(VELOCITY, step)), root(VELOCITY) + change, differenced())

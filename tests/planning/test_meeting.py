@@ -14,8 +14,7 @@ BALL, AIR = kd.Ball(), kd.Air()
 HUMAN = kd.Leg.human()
 ROLLING = kd.BallState((2.0, 0.0, -0.7042), (-2.5, 0.0, 0.0), (0.0, -2.5 / BALL.radius, 0.0), 5.0)
 BOUNCING = kd.BallState((2.0, 0.0, -0.4), (-4.0, 0.0, 0.5), (0.0, 6.0, 0.0), 5.0)
-DIFFERENCES = 1e-5
-"""Relative error of differences of landings, which are found by roots."""
+DIFFERENCES = 1e-5  # relative: of differences of landings, which are found by roots
 
 
 def landing(plan, incoming, late=0.0):

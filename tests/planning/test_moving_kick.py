@@ -10,7 +10,7 @@ from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
 from kickdyn.planning import moving_kick as module
-from kickdyn.planning.intercepting_kick import STRONGEST, InterceptingKick, KickSettings
+from kickdyn.planning.intercepting_kick import InterceptingKick, KickSettings
 from kickdyn.planning.interception import CANDIDATES, Reach, reach_of
 from kickdyn.planning.kick_steps import checked_contact, plan_flight_launch
 from kickdyn.planning.kick_terms import KickPoint
@@ -53,6 +53,7 @@ def check(plan, goal, incoming):
     wall = kd.Plane(incoming.position + goal.target, -goal.ahead, "centre")
     path = kd.fly(hit.ball_after, BALL, AIR, kd.Ground(-20.0), 1e-12, plane=wall)
     agrees(path.landing.position, incoming.position + goal.target, optimized(1e-8))
+    assert plan.path.status == "at-plane"
     assert path.duration == pytest.approx(goal.time, abs=optimized(1e-7))
     assert plan.speed_use <= 1.0
 
@@ -68,6 +69,7 @@ def test_a_rolling_ball_is_met_at_the_cheapest_of_the_meetings(rolling):
     assert rolling.speed_use == min(meeting.speed_use for meeting in kicks)
     assert all(meeting.reason for meeting in rolling.meetings if meeting.impact is None)
     times = np.array([meeting.time for meeting in rolling.meetings])
+    assert len(kicks) > 3  # followed from one to the next
     halves = 2 * (CANDIDATES - 1) * (times - times[0]) / np.ptp(times)
     assert halves == pytest.approx(halves.round(), abs=closed_form(1e4))  # all that were tried
     assert [n for n in halves.round() if n % 2 == 0] == [*range(0, 2 * CANDIDATES, 2)]
@@ -120,6 +122,7 @@ def test_a_ball_that_comes_from_aside_is_met_and_a_weaker_kick_gives_a_share():
     assert 0.3 < plan.share < 1.0
     agrees(after, before + plan.share * (plan.launch.velocity - before), optimized(1e-8))
     assert plan.share == max(one.share for one in plan.meetings if one.impact is not None)
+    assert plan.path.landing.position[2] == pytest.approx(plan.meeting.ground.height + BALL.radius)
 
 
 def test_a_plan_is_the_same_in_a_frame_that_moves_with_the_hip():
@@ -232,15 +235,6 @@ def test_a_ball_behind_the_hip_by_more_than_its_radius_is_refused():
         balls._check_facing(task)
     with pytest.raises(kd.InvalidInput, match=r"0\.12 m behind the hip"):
         balls._check_facing(behind)
-
-
-def test_a_kick_of_the_largest_share_that_is_whole_is_made_the_best(monkeypatch):
-    balls, calls = interceptor(kd.IncomingBall(ROLLING, kd.Ground(-1.0, "turf"))), []
-    whole, kicks = SimpleNamespace(share=1.0, x="whole"), {}
-    monkeypatch.setattr(module, "best_from", lambda _, *call: calls.append(call) or whole)
-    monkeypatch.setattr(balls, "at", lambda _: SimpleNamespace(kick=lambda _, point: point))
-    balls._seek(kicks, 0.3, None, ["x"], STRONGEST)
-    assert (calls, kicks) == ([(STRONGEST, ["x"]), (balls._objective, ["whole"])], {0.3: whole})
 
 
 def test_of_kicks_in_which_bodies_collide_the_first_that_can_be_mended_is_taken(monkeypatch):

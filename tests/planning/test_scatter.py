@@ -7,7 +7,7 @@ import pytest
 from tolerances import agrees, closed_form, differenced, integrated
 
 import kickdyn as kd
-from kickdyn.planning.scatter import landing_slopes, scatter
+from kickdyn.planning.scatter import scatter
 
 LEG, BALL, AIR = kd.Leg.from_robot("g1", legs_only=True), kd.Ball(), kd.Air(drag="brazuca")
 SMALL = {"speed": 2e-3, "angle": 1e-3, "contact": 1e-4, "restitution": 2e-3}
@@ -64,11 +64,3 @@ def test_the_covariances_of_independent_sources_add_up():
     assert result.radius == pytest.approx(math.sqrt(sum(one.radius**2 for one in alone)))
     landing = kd.fly(hit.ball_after, BALL, AIR, tol=1e-12).landing.position
     agrees(result.mean, landing[:2] - hit.ball_after.position[:2], integrated(1e-10))
-
-
-def test_landing_slopes_are_those_of_the_parabola():
-    landing, slopes = landing_slopes(kd.BallState(velocity=(8, 1, 5)), BALL, None)
-    time = 10 / 9.81
-    assert landing == pytest.approx([8 * time, time])
-    agrees(slopes[:, :3], [[time, 0, 2 * 8 / 9.81], [0, time, 2 / 9.81]], closed_form(1e4))
-    assert not slopes[:, 3:].any()

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from random_scenes import random_scene, wide_scene
-from tolerances import agrees, closed_form, differenced
+from random_scenes import random_scene
+from tolerances import agrees, closed_form, differenced, integrated
 
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
@@ -42,23 +42,6 @@ def size(array):
     return float(np.linalg.norm(array))
 
 
-@pytest.mark.parametrize("parts", [
-    {"contact_time": 0.01},
-    {"contact_time": None, "law": kd.Compliance(None, "pressure"), "ball": kd.Ball(pressure=80e3)},
-], ids=["time", "pressure"])  # fmt: skip
-def test_the_launch_with_contact_time_is_within_its_error(parts):
-    shares = []
-    for scene, hit in struck(3, 5, **parts):
-        error = module.with_law(scene, hit, module.contact_time_error(scene, hit))
-        exact = module.collide_scene(scene, 1e-7).ball_after
-        change = size(exact.velocity - hit.ball_after.velocity)
-        assert change <= error.velocity
-        assert size(exact.spin - hit.ball_after.spin) <= error.spin
-        assert size(exact.position - hit.ball_after.position) <= error.position
-        shares.append(change / error.velocity)
-    assert max(shares) > 0.2
-
-
 def test_the_error_of_a_contact_time_is_unknown_with_constraints_or_soft_drives():
     (scene, hit), drive = struck(3, 1, contact_time=0.01)[0], kd.Drive(0.01, 1.0, stiffness=30.0)
     for leg in (scene.leg.with_stiff_joints("ankle"), scene.leg.with_drives({"ankle": drive})):
@@ -66,12 +49,7 @@ def test_the_error_of_a_contact_time_is_unknown_with_constraints_or_soft_drives(
         assert module.contact_time_error(held, hit) == module.UNKNOWN
 
 
-def test_the_error_of_collide_is_within_its_bound():
-    for scene, _ in struck(4, 4, contact_time=0.01):
-        exact, rough = (module.collide_scene(scene, tol).ball_after for tol in (1e-8, 1e-4))
-        error = module.collision_error(scene, exact, 1e-4)
-        assert size(exact.velocity - rough.velocity) <= error.velocity
-        assert size(exact.spin - rough.spin) <= error.spin
+def test_the_error_of_collide_is_its_tolerance_times_a_factor():
     launch = kd.BallState((0, 0, 0), (3, 0, 4), (0, 0, 6))
     error = module.collision_error(scene_of(ball=kd.Ball(radius=0.5)), launch, 1e-4)
     assert error == pytest.approx(module.COLLIDE_SAFETY * 1e-4 * np.array([5, 10, 0.5]))
@@ -85,23 +63,16 @@ def test_the_error_of_a_contact_time_is_the_change_of_a_strike_at_its_end_and_mi
     hit = module.strike_scene(scene)
     time = 1.5 * duration(hit.approach, **scene.law.options)
     model, data = leg.model, leg.model.createData()
-    frame, model.gravity = model.getFrameId("toe"), pin.Motion.Zero()  # it has a term of its own
-    acceleration = pin.aba(model, data, scene.q, scene.v, np.zeros(3))
-
-    def rotation(q):
-        pin.framesForwardKinematics(model, data, q)
-        return data.oMf[frame].rotation.copy()
-
-    changes = []
+    model.gravity = pin.Motion.Zero()  # it has a term of its own
+    acceleration, changes = pin.aba(model, data, scene.q, scene.v, np.zeros(3)), []
     for fraction in (1.0, 0.5):
-        q = scene.q + fraction * time * 0.5 * (hit.v_before + hit.v_after)
-        normal = rotation(q) @ rotation(scene.q).T @ contact.normal
-        after = kd.strike(
-            leg.posture(q), v + fraction * time * acceleration, kd.Ball(),
-            replace(contact, normal=normal),
-        ).ball_after  # fmt: skip
-        changes.append([size(after.velocity - hit.ball_after.velocity),
-                        size(after.spin - hit.ball_after.spin)])  # fmt: skip
+        change = fraction * time * 0.5 * (hit.v_before + hit.v_after)
+        turn = change @ [-1.0, 1.0, 1.0]  # about y, by hip, knee and ankle
+        normal = pin.rpy.rpyToMatrix(0.0, turn, 0.0) @ contact.normal
+        moved, speed = leg.posture(scene.q + change), v + fraction * time * acceleration
+        after = kd.strike(moved, speed, kd.Ball(), replace(contact, normal=normal)).ball_after
+        turned = size(after.spin - hit.ball_after.spin)
+        changes.append([size(after.velocity - hit.ball_after.velocity), turned])
     dv, dw = np.max(changes, axis=0)
     right = [
         module.VELOCITY_SAFETY * dv + GRAVITY * time,
@@ -117,21 +88,17 @@ def test_the_error_of_a_contact_time_is_the_change_of_a_strike_at_its_end_and_mi
     assert module.contact_time_error(scene, hit, 0.1).velocity == math.inf
 
 
-@pytest.mark.parametrize("case", ["no contact on the way", "pressed into the ground", "supports"])
-def test_an_error_that_cannot_be_estimated_is_infinite(case):
-    leg, q, normal, velocity = kd.Leg.human(), [0.5, 0.1, 0.0], (0, 0, 1), [3.0, 0.0, 0.5]
-    parts = {"law": kd.Compliance(contact_time=0.05 if case == "no contact on the way" else 0.01)}
-    if case == "pressed into the ground":
-        normal, velocity = (0.94, 0, -0.34), [5, 0, -2]
-        point = leg.posture(q).contact_point
-        parts["ground"] = kd.Ground(float(point[2]) - 1.34 * kd.Ball().radius - 0.001)
-    if case == "supports":
-        leg = kd.Leg.from_robot("bolt", base="floating").with_supports("FL_FOOT")
-        q, normal, velocity = leg.configuration({"FR_KFE": 0.6}), (1, 0, 0), [1, 0, 0]
-    posture = leg.posture(q)
+@pytest.mark.parametrize(("q", "normal", "velocity", "time", "below"), [
+    ([0.5, 0.1, 0.0], (0, 0, 1), [3.0, 0.0, 0.5], 0.05, None),
+    ([0.5, 0.1, 0.0], (0.94, 0, -0.34), [5, 0, -2], 0.01, 0.001),
+], ids=["no contact on the way", "pressed into the ground"])  # fmt: skip
+def test_an_error_that_cannot_be_estimated_is_infinite(q, normal, velocity, time, below):
+    posture, ball = kd.Leg.human().posture(q), kd.Ball()
+    level = float(posture.contact_point[2]) - 1.34 * ball.radius - (below or 1.0)
     scene = kd.Scene(
-        posture, posture.joint_velocity(velocity), kd.Ball(), kd.Contact(normal, 0.7), **parts
-    )
+        posture, posture.joint_velocity(velocity), ball, kd.Contact(normal, 0.7),
+        kd.Compliance(contact_time=time), ground=None if below is None else kd.Ground(level),
+    )  # fmt: skip
     assert module.contact_time_error(scene, module.strike_scene(scene)).velocity == math.inf
 
 
@@ -145,28 +112,22 @@ def test_slopes_are_those_of_central_differences(parts):
     slopes = module.end_slopes(scene, module.fly_scene(scene, LAUNCH))
     tolerance = 1e-2 if "turf" in repr(parts) else 1e3 * differenced(2)
     for name, step in (("velocity", 1e-4), ("spin", 1e-3)):
-        right = np.zeros((3, 3))
-        for axis in range(3):
-            ends = []
-            for sign in (1, -1):
-                state = {"velocity": LAUNCH.velocity.copy(), "spin": LAUNCH.spin.copy()}
-                state[name][axis] += sign * step
-                launch = kd.BallState(LAUNCH.position, **state)
-                ends.append(module.end_of(module.fly_scene(scene, launch, 1e-12)).position)
-            right[:, axis] = (ends[0] - ends[1]) / (2 * step)
-        agrees(getattr(slopes, name), right, tolerance)
+
+        def end(change, name=name):
+            launch = replace(LAUNCH, **{name: getattr(LAUNCH, name) + change})
+            return module.end_of(module.fly_scene(scene, launch, 1e-12)).position
+
+        right = [(end(way) - end(-way)) / (2 * step) for way in step * np.eye(3)]
+        agrees(getattr(slopes, name), np.transpose(right), tolerance)
 
 
-def test_the_deviation_of_an_end_is_that_of_sources_that_act_together():
-    """Where the parts of velocity and spin are parallel, the deviations add up."""
-    rng = np.random.default_rng(2)
-    slope = rng.normal(size=(3, 3))
-    direction, amounts = rng.normal(size=3), rng.normal(size=1000)
-    velocity, spin = np.outer(amounts, direction), np.outer(0.3 * amounts, slope @ direction)
-    slopes = module.EndSlopes(2.0 * slope, 0.7 * np.eye(3))
-    launch = SimpleNamespace(velocity=np.cov(velocity.T), spin=np.cov(spin.T))
-    ends = velocity @ slopes.velocity.T + spin @ slopes.spin.T
-    right = math.sqrt(np.trace(np.cov(ends.T)))
+def test_the_deviation_of_an_end_adds_those_of_velocity_and_spin():
+    """Both follow from the same sources, here from one."""
+    by_velocity, by_spin = np.random.default_rng(2).normal(size=(2, 3, 3))
+    v, w = np.array([0.3, -0.2, 0.1]), np.array([4.0, 1.0, -2.0])
+    launch = SimpleNamespace(velocity=np.outer(v, v), spin=np.outer(w, w))
+    right = size(by_velocity @ v) + size(by_spin @ w)
+    slopes = module.EndSlopes(by_velocity, by_spin)
     assert slopes.deviation(launch) == pytest.approx(right, rel=closed_form(100))
     unknown = module.EndSlopes(np.full((3, 3), math.inf), np.full((3, 3), math.inf))
     assert unknown.deviation(launch) == math.inf
@@ -196,29 +157,6 @@ def test_the_error_of_a_path_is_about_its_distance_from_an_exact_one(surface, to
     assert 0.0 < distance <= module.path_error(scene, path) <= 50.0 * distance
 
 
-def test_the_error_of_an_end_covers_paths_from_launches_beside_it():
-    rng, shares = np.random.default_rng(8), []
-    while len(shares) < 40:
-        scene = wide_scene(rng)
-        with suppress(kd.KickdynError):
-            launch = module.strike_scene(scene).ball_after
-            speed = float(launch.speed)
-            error = module.LaunchError(1e-3 * speed, 1e-3 * speed / scene.ball.radius, 1e-4)
-            path, directions = module.fly_scene(scene, launch), rng.normal(size=(3, 3))
-            if path.duration == 0.0:
-                continue
-            offset, change, turn = directions / np.linalg.norm(directions, axis=1)[:, None]
-            other = kd.BallState(
-                launch.position + error.position * offset,
-                launch.velocity + error.velocity * change,
-                launch.spin + error.spin * turn,
-            )
-            ends = [module.end_of(way).position for way in (path, module.fly_scene(scene, other))]
-            shares.append(math.dist(*ends) / module.end_error(scene, path, error))
-    assert max(shares) <= 1.0
-    assert np.quantile(shares, 0.8) > 0.3
-
-
 def test_in_a_vacuum_the_error_of_an_end_is_that_of_the_parabola():
     scene, change = scene_of(ground=LEVEL), 1e-6
     path, v = module.fly_scene(scene, LAUNCH), LAUNCH.velocity
@@ -244,6 +182,22 @@ def test_an_error_of_the_spin_moves_the_end_by_half_the_change_of_lift_times_the
     assert error == pytest.approx(right, rel=closed_form(1e6))
 
 
+def test_the_error_of_an_end_after_bounces_is_that_of_the_first_flight_and_of_what_lasts():
+    """Velocities after a bounce are wrong by the spin, too, in the air and on the ground."""
+    scene, error = (
+        scene_of(ground=replace(LEVEL, surface="turf")),
+        module.LaunchError(0.1, 2.0, 0.0),
+    )
+    course = module.fly_scene(scene, LAUNCH)
+    first, slant = course.flights[0], size(LAUNCH.velocity) / LAUNCH.velocity[2]
+    bounced = 0.1 * first.duration * slant
+    in_air = sum(flight.duration for flight in course.flights)
+    later = slant * (in_air - first.duration) + course.duration - in_air
+    right = bounced + module.BOUNCE_SAFETY * (0.1 + scene.ball.radius * 2.0) * later
+    found = module.end_error(scene, course, error)
+    assert found == pytest.approx(module.END_SAFETY * right, rel=integrated(1e-8))
+
+
 @pytest.mark.parametrize("surface", ["turf", "carpet"])
 def test_the_error_of_a_path_that_bounces_is_known_roughly_from_its_first_flight(surface):
     scene = scene_of(ground=replace(LEVEL, surface=surface))
@@ -256,16 +210,3 @@ def test_the_error_of_a_path_that_bounces_is_known_roughly_from_its_first_flight
     windy = scene_of(air=kd.Air(wind=(20, 0, 0)), ground=replace(LEVEL, surface="hard-floor"))
     flight = module.first_flight(windy, LAUNCH)
     assert module.expected_end_error(windy, flight, error) == math.inf
-
-
-@pytest.mark.parametrize("allowed", [0.3, 0.01, 1e-3])
-def test_a_tolerance_of_the_contact_keeps_the_end_within_what_is_allowed(allowed):
-    scene = scene_of(air=WIND, ground=kd.Ground(-0.5))
-    path = module.fly_scene(scene, LAUNCH)
-
-    def end_error_of(error):
-        return module.end_error(scene, path, error)
-
-    tol = module.contact_tolerance(scene, LAUNCH, end_error_of, allowed)
-    used = end_error_of(module.collision_error(scene, LAUNCH, tol)) / allowed
-    assert 0.3 < used <= 1.0 or (used < 0.3 and tol == 1e-3)

@@ -1,6 +1,5 @@
 """Walls and goals: how a ball passes and meets them, by hand and by the path itself."""
 
-import math
 from dataclasses import astuple
 
 import numpy as np
@@ -48,28 +47,14 @@ def test_in_a_vacuum_a_passage_is_that_of_the_parabola(side):
     passage = passage_on(path, kd.Wall(5.0, 1.5, 0.5), ahead, RADIUS, start)
     right = 6.0 * t - 9.81 / 2 * t**2 + start - 1.5, abs(left) - 0.25 - RADIUS, left
     assert passage == pytest.approx(right, rel=optimized(1e-11), abs=optimized(1e-11))
-    assert passage_on(path, kd.Wall(50.0, 1.5), ahead, RADIUS) is None
-
-
-@pytest.mark.parametrize("values", [(0, 1), (1, -1), (1, 1, 0), (math.nan, 1), ("9", 1)])
-def test_walls_that_cannot_stand_are_refused(values):
-    with pytest.raises(kd.InvalidInput, match="of the wall is"):
-        kd.Wall(*values)
+    end = float(ahead @ (path.landing.position - path.launch.position))
+    for share, passes in ((0.999, True), (1.001, False)):
+        assert (passage_on(path, kd.Wall(share * end, 1.5), ahead, RADIUS) is not None) is passes
 
 
 def test_a_wall_is_read_with_its_default_width_of_five_players():
     assert astuple(read_wall("9.15:1.9")) == astuple(kd.Wall(9.15, 1.9)) == (9.15, 1.9, 2.5)
     assert astuple(read_wall("9.15:1.9:3.5")) == (9.15, 1.9, 3.5)
     for text in ("9" * 1000, "1:2:3:4", "a:b"):
-        with pytest.raises(kd.InvalidInput, match="DISTANCE:HEIGHT") as refused:
+        with pytest.raises(kd.InvalidInput, match="DISTANCE:HEIGHT"):
             read_wall(text)
-        assert len(str(refused.value)) < 350
-
-
-def test_the_free_kick_scores_around_the_wall_because_of_its_spin():
-    scene = kd.load_scene("free_kick")
-    curled = kd.simulate(scene, 0.05)
-    assert curled.passage.above < 0 < curled.passage.beside
-    assert curled.score.end == "in"
-    straight = kd.simulate(scene.replace(air=kd.Air.at(250, 12, drag="brazuca", lift=None)), 0.05)
-    assert straight.score.end != "in"

@@ -24,9 +24,7 @@ def test_the_ball_touches_the_contact_point_and_its_way_to_the_plane_is_level():
 
 
 @pytest.mark.parametrize(("changes", "word"), [
-    ({"posture": "human"}, "kickdyn.Posture"), ({"ball": None}, "kickdyn.Ball"),
-    ({"air": "paper"}, "kickdyn.Air"), ({"v": [1, 2]}, "v has shape"),
-    ({"law": "none"}, "law is 'none'"), ({"incoming": [1, 2, 3]}, "kickdyn.BallState"),
+    ({"v": [1, 2]}, "v has shape"), ({"law": "none"}, "law is 'none'"),
     ({"incoming": kd.BallState(velocity=np.ones((2, 3)))}, r"incoming .*\(2, 3\)"),
     ({"law": kd.Compliance(), "contact": kd.Contact((1, 0, 0), 0.0)}, r"is 0.*0\.01"),
     ({"law": kd.Compliance(stiffness="pressure")}, "pressure is None"),
@@ -42,12 +40,9 @@ def test_bad_parts_are_refused(changes, word):
         scene(**changes)
 
 
-def test_a_scene_cannot_be_changed():
+def test_a_scene_does_not_change_with_what_it_was_made_of():
     given = {"q": 0.1}
     made = scene(uncertainty=given)
-    for array in (made.q, made.v, made.incoming.velocity):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 1
     given["q"] = 2
     assert made.uncertainty == {"q": 0.1}
 

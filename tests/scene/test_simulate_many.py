@@ -67,19 +67,6 @@ def test_draws_without_an_impact_and_paths_without_an_end_have_no_end():
     assert many.deviation**2 == pytest.approx(many.end[ends].var(axis=0, ddof=1).sum())
 
 
-def test_each_draw_of_a_contact_that_takes_time_is_a_simulation():
-    law, tolerance = Compliance(contact_time=0.008), 0.05
-    scene = kd.load_scene("free_kick").replace(law=law, uncertainty={"restitution": 0.04})
-    many = kd.simulate_many(scene, 3, tolerance, seed=3)
-    for i, drawn in enumerate(drawn_scenes(scene, 3, 3)):
-        right = kd.simulate(drawn, tolerance)
-        change = np.linalg.norm(right.launch.velocity - strike_scene(drawn).ball_after.velocity)
-        assert change > 0.5
-        assert many.launch.velocity[i] == pytest.approx(right.launch.velocity, abs=0.01 * change)
-        assert many.end[i] == pytest.approx(right.end.position, abs=2 * tolerance)
-    assert 0.0 < many.model_error < tolerance
-
-
 def test_the_change_by_the_contact_time_is_quadratic_through_the_nodes():
     """A quadratic function without mixed terms is exact at 0 and at both nodes of each axis."""
     law = Compliance(contact_time=0.008)
@@ -94,14 +81,33 @@ def test_the_change_by_the_contact_time_is_quadratic_through_the_nodes():
     agrees(launch[:4, 3:], right[:4], closed_form(10))
     agrees(launch[4, 3:] - instant[4], right[4] - instant[4], 0.01)
     assert 0.0 < error < 0.01 * np.linalg.norm(right[4, :3] - instant[4, :3])
+    many = kd.simulate_many(scene, 3, 0.05, seed=3)
+    values, tol = np.random.default_rng(3).normal(size=(3, draws.size)), many.nominal.impact.tol
+    launch, error = _with_contact_time(draws, values, draws.launches(values)[0], tol)
+    agrees(many.launch.velocity, launch[:, 3:6], closed_form())
+    assert many.model_error == pytest.approx(error * many.nominal.path.duration)
 
 
-@pytest.mark.parametrize("name", SPREAD)
-def test_draws_have_the_deviation_of_their_source(name):
-    scene = kd.load_scene("free_kick").replace(uncertainty={name: SPREAD[name]})
-    draws = _Draws.of(scene)
-    changes = draws.changes(np.random.default_rng(1).normal(size=(2000, draws.size)))[name]
-    count = {"q": scene.leg.nv, "v": scene.leg.nv, "restitution": 1, "friction": 1}.get(name, 3)
-    assert changes.shape == (2000, count)
-    assert changes.std(axis=0) == pytest.approx(SPREAD[name], rel=sampled(2 * 2000))
-    assert changes.mean(axis=0) == pytest.approx(0.0, abs=SPREAD[name] * sampled(2000))
+def test_sources_are_drawn_independently_with_their_deviations():
+    spread = SPREAD | {"restitution": 0.5, "friction": 0.5}
+    scene = kd.load_scene("free_kick").replace(uncertainty=spread)
+    draws, nv = _Draws.of(scene), scene.leg.nv
+    values = np.random.default_rng(1).normal(size=(2000, draws.size))
+    changes, given = draws.changes(values), draws.arguments(values)
+    for name, change in changes.items():
+        count = {"q": nv, "v": nv, "restitution": 1, "friction": 1}.get(name, 3)
+        assert change.shape == (2000, count)
+        assert change.std(axis=0) == pytest.approx(spread[name], rel=sampled(2 * 2000))
+        assert change.mean(axis=0) == pytest.approx(0.0, abs=spread[name] * sampled(2000))
+    correlation = np.corrcoef(np.hstack([*changes.values()]), rowvar=False)
+    assert np.abs(correlation - np.eye(draws.size)).max() < sampled(2000)
+    contact, plain = given["contact"], scene.contact
+    for name, most in (("restitution", 1.0), ("friction", np.inf)):
+        right = np.clip(getattr(plain, name) + changes[name][:, 0], 0.0, most)
+        agrees(getattr(contact, name), right, closed_form())
+    normal = plain.normal + changes["normal"]
+    agrees(contact.normal, normal / np.linalg.norm(normal, axis=1)[:, None], closed_form())
+    before = {"q": scene.q, "v": scene.v}
+    before |= {"ball_velocity": scene.incoming.velocity, "ball_spin": scene.incoming.spin}
+    for name, value in before.items():
+        agrees(given[name], value + changes[name], closed_form())

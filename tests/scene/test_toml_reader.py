@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from chains import constraint_speed
 from tolerances import agrees, closed_form
 
 import kickdyn as kd
@@ -62,17 +61,6 @@ def test_shipped_scenes_load_by_name_and_files_come_before_names(tmp_path, monke
     for name, word in (("freekick", "volley"), ("here/volley", "no such file")):
         with pytest.raises(kd.SceneError, match=word):
             kd.load_scene(name)
-
-
-@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
-def test_shipped_scenes_strike(path):
-    scene = kd.load_scene(path)
-    motion = {"ball_velocity": scene.incoming.velocity, "ball_spin": scene.incoming.spin}
-    law = "newton" if scene.is_compliant else scene.law
-    hit = kd.strike(scene.posture, scene.v, scene.ball, scene.contact, law, **motion)
-    assert hit.restitution_residual < closed_form(10)
-    assert constraint_speed(hit) < closed_form(100)
-    np.testing.assert_array_equal(hit.ball_after.position, scene.ball_position)
 
 
 def test_effects_that_are_not_named_are_not_modelled(read):
@@ -213,14 +201,12 @@ HUMAN, E = '"human"', "restitution = 0.8"
     ('model = "human"', 'file = "no.urdf"', "no.urdf"), (HUMAN, '"human"\nframe = "heel"', "heel"),
     (HUMAN, '"humn"', "human?"), (HUMAN, "\"human\"\nsupports = 'toe'", "leg.supports"),
     (HUMAN, '"human"\nstiff_joints = ["toe"]', "joint 'toe'"),
-    (HUMAN, '"human"\nloops = ["toe"]', "loop is 'toe'"), ("hip = 5", "hipp = 5", "'hipp'"),
+    (HUMAN, '"human"\nloops = ["toe"]', "loop is 'toe'"),
     ("[2, 0, 1]", "[0, 1, 0]", "out of reach"),
     ("attack_deg = 30", "normal = [0, 0, 0]", "contact.normal"),
     ("attack_deg = 30", "normal = [1, 0, 0]\nside_deg = 3", "without attack_deg"),
-    (E, f"{E}\ncontact_time_s = 10", "0.1 [s]"),
     (E, f"{E}\ncontact_time_s = 0.01\nlaw = 'paper'", "law is 'paper'"),
     (E, f"{E}\nstiffness = 'pressure'\ncontact_time_s = 0.01", "only one"),
-    (E, f"{E}\nstiffness = 'pressure'", "pressure is None"),
     (E, f"{E}\nstiffness = 'inflated'", "restitution"),
     (E, f"{E}\n[ground]\nheight_m = 5", "ground.height_m is 5"),
     ("[leg]", 'name = "\\u001b[31mred"\n[leg]', "printable"), ("[leg]", "[leg", "TOML"),

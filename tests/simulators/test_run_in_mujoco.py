@@ -7,13 +7,16 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from planned_motions import AIR, BALL, HUMAN, standing, swinging
+from planned_motions import AIR, BALL, HUMAN, SOLE, standing, swinging
 from scipy.interpolate import BSpline
-from tolerances import agrees, closed_form, sampled
+from scipy.optimize import fsolve
+from tolerances import agrees, closed_form, optimized, sampled
 
 import kickdyn as kd
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.kick import turn_plan
+from kickdyn.robot.ground_clearance import find_depths
+from kickdyn.robot.standing import StandingRobot
 from kickdyn.simulators import refine_kick as refinement
 from kickdyn.simulators import run_in_mujoco as module
 from kickdyn.simulators.disturbance import Disturbance, draw
@@ -47,6 +50,7 @@ def test_the_drives_follow_the_motion_to_the_impact_and_the_ball_flies(plan, run
     motion, launch = plan.motion, plan.launch.velocity
     for number in np.flatnonzero(run.t < -0.01)[::20]:
         assert run.q[number] == pytest.approx(motion.q(run.t[number]), abs=0.01)
+    assert run.q[-1, 0] == pytest.approx(motion.q(SWING)[0], abs=0.01)  # others are at their stops
     assert abs(run.speed_error) < 0.1
     assert run.direction_error < math.radians(12)  # ankle and knee give way under the ball
     assert abs(run.delay) < 0.008
@@ -141,6 +145,73 @@ def test_a_kick_is_corrected_by_the_observer_that_is_named(plan, run, monkeypatc
         seen = refinement._observe(plan, refinement.Observer(by))
         agrees(seen.velocity, ball.velocity, closed_form(10))
         assert seen.time == pytest.approx(0.5 * time)
+        wished = refinement._wished_velocity(plan, seen)
+        start, left = kd.BallState(seen.position, wished, seen.spin), 0.9 - float(seen.time)
+        end = kd.fly(start, BALL, AIR, kd.Ground(-20.0), 1e-12, time_limit=left).landing
+        agrees(end.position, plan.target_position, optimized(1e-9))
+
+
+def test_a_standing_robot_is_turned_so_that_its_ball_flies_towards_the_target(monkeypatch):
+    """Which is seen from where the turned ball leaves; the rest is an error along the launch."""
+    place, after, ball = np.array([[0.2, 0.1, 0.11], [4.0, 0.5, 2.0], [3.6, 1.2, 1.7]])
+    balls = {"ball_before": kd.BallState(place), "ball_after": kd.BallState(velocity=after)}
+    robot = kd.Leg.from_robot("bolt", base="floating")
+    plan = SimpleNamespace(leg=robot, impact=SimpleNamespace(**balls))
+    seen = kd.BallState(place + np.array([0.5, 0.2, 0.1]), ball, (1.0, -9.0, 2.0), 0.005)
+    monkeypatch.setattr(refinement, "_observe", lambda *_: seen)
+    monkeypatch.setattr(refinement, "_wished_velocity", lambda _, ball: 5.0 * after - ball.position)
+    _, error, turn = refinement._try(plan, refinement.Observer.COLLIDE)
+
+    def azimuth(velocity):
+        return math.atan2(velocity[1], velocity[0])
+
+    first = azimuth(5.0 * after - seen.position) - azimuth(ball)
+    wished = 5.0 * after - place - pin.rpy.rpyToMatrix(0, 0, first) @ (seen.position - place)
+    assert turn == pytest.approx(azimuth(wished) - azimuth(ball))
+    level = (np.hypot(*wished[:2]) - np.hypot(*ball[:2])) * after[:2] / np.hypot(*after[:2])
+    agrees(error, [*level, wished[2] - ball[2]], closed_form(10))
+
+
+def test_the_floor_carries_a_robot_at_rest_under_its_centre_of_mass(run):
+    """It leans so that this is above its left foot; the other foot is in the air."""
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    standing = StandingRobot(robot.with_supports(kd.Support(SOLE, friction=0.7)))
+    robot, leg, middle = standing.robot, standing.leg, standing.sole.mean(axis=0)
+    model, data = robot.model, robot.model.createData()
+
+    def place(angles):
+        values = dict(zip(("left_ankle_roll_joint", "left_ankle_pitch_joint"), angles, strict=True))
+        q = leg.configuration(values)
+        return q, pin.centerOfMass(model, data, standing.robot_state(q, 0.0 * q)[0])[:2]
+
+    rest, _ = place(fsolve(lambda angles: place(angles)[1] - middle, [0.2, 0.0]))
+    splines = [BSpline(knots, [rest] * 2, 1) for knots in ([-0.5, -0.5, 0, 0], [0, 0, 0.5, 0.5])]
+    motion = Motion(robot, leg.joint_names, *splines, standing.placement)
+    posture, still = robot.posture(motion.q(0.0)), Disturbance(np.ones(13), 0.9, 1, 0, [0, 0])
+    contact = kd.Contact((3, 0, 1), 0.8, 0.4)
+    hit = kd.strike(posture, posture.joint_velocity([3, 0, 1]), BALL, contact)
+    field, loads = MujocoField(motion, hit, standing, run.tuning, still), []
+    field.set_gains(leg, rest)
+    field.place()
+    for _ in range(200):
+        field.data.ctrl[:] = field.reference(-0.3, feed_forward=True)
+        field.set_ball(-0.3)
+        field.mujoco.mj_step(field.model, field.data)
+        loads.append(field.sole_load())
+    weight = 9.81 * pin.computeTotalMass(model)
+    agrees(np.mean(loads[-100:], axis=0) / weight, [1, 0, 0, *middle], 1e-4)  # it sways a little
+    agrees(module._configuration(field, field.data.qpos), motion.q(0.0), 1e-3)
+    agrees(field.model.pair_friction[1:-1, 0], 0.9 * 0.7, closed_form())
+    spheres = [field.model.geom(f"foot {n}").id for n in range(24)]
+    lowest = (field.data.geom_xpos[spheres, 2] - field.model.geom_size[spheres, 0]).min()
+    depth = find_depths(robot, motion.q(0.0), 1.0)["right_ankle_roll_link"]
+    assert lowest == pytest.approx(1.0 - depth, abs=1e-3)
+    trunk, upright = field.data.body("root_joint"), motion.q(0.0)
+    planned = pin.Quaternion(upright[3:7]).matrix()
+    for tilt, height, stands in ((50, 0.9, False), (40, 0.9, True), (0.0, 0.5, False)):
+        turn = pin.AngleAxis(math.radians(tilt), np.array([0.6, 0.8, 0])).matrix()
+        trunk.xpos[2], trunk.xmat[:] = height * upright[2], (turn @ planned).ravel()
+        assert field.is_upright(upright) is stands
 
 
 def test_draws_have_their_standard_deviations():
@@ -245,18 +316,3 @@ def test_margins_of_the_sole_are_the_least_of_averaged_loads(monkeypatch):
     mixed = (0.3 + 9) / (0.5 * 1.01)  # of the mean over the last two rows that carry weight
     assert margins["friction"] == pytest.approx(1 - math.hypot(mixed, 9 / (0.5 * 1.01)))
     assert margins["centre of pressure"] == pytest.approx(0.1 - 9.02 / 1.01)
-
-
-@pytest.mark.parametrize(
-    ("tilt", "height", "upright"), [(50, 0.9, False), (40, 0.9, True), (0.0, 0.5, False)]
-)
-def test_a_robot_is_upright_by_its_base(tilt, height, upright):
-    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
-    planned = robot.configuration()
-    planned[2] = 0.8
-    pose = pin.AngleAxis(math.radians(tilt), np.array([0.6, 0.8, 0])).matrix()
-    body = SimpleNamespace(xpos=np.array([3.0, 1.0, 0.8 * height]), xmat=pose.ravel())
-    field = object.__new__(MujocoField)
-    field.standing, field.motion = "stands", SimpleNamespace(robot=robot)
-    field.data = SimpleNamespace(body=lambda name: body)
-    assert field.is_upright(planned) is upright

@@ -32,7 +32,7 @@ from kickdyn.motion.limits import (
     Twist,
 )
 from kickdyn.robot.ground_clearance import Spheres, extreme_spheres
-from kickdyn.robot.kicking_chain import UNLIMITED
+from kickdyn.robot.kicking_chain import UNLIMITED, assumed_speed_limit
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.names import MAX_FAULTY, listed
 from kickdyn.robot.standing import Foot, StandingRobot, joint_spheres, sole_edges
@@ -90,8 +90,8 @@ class KickTask:
 
 
 def limited_speed(leg: Leg) -> Array:
-    """Return limits of the joints' speeds, `UNLIMITED` where there is none, `(n,)` [rad/s; m/s]."""
-    limit = leg.velocity_limit
+    """Return limits of the joints' speeds, `UNLIMITED` where none has one, `(n,)` [rad/s; m/s]."""
+    limit = assumed_speed_limit(leg)
     return np.where(np.isfinite(limit), limit, UNLIMITED)
 
 

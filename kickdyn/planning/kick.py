@@ -109,12 +109,13 @@ def plan_kick(
         incoming: a ball that moves, with `position`, in place of `ball_position`; an `IncomingBall`
             names its ground, or the time or place of the meeting. The goal is seen from its
             position. See below.
-        limits: whether limits of speed and torque hold; limits of the joints' range always do. An
-            infinite one always holds, its use is 0, and `joint-speed` counts it as 100 rad/s; one
-            of 0 is refused, or none with `limits=False`. With `limits="muscles"`, the largest
-            torque falls with the speed at which the joint turns in its direction, as with muscles
-            (Hill 1938), to 0 at the speed limit: it is :math:`(1 - u) / (1 + 4 u)` of the limit at
-            the share u of the speed limit.
+        limits: whether limits of speed and torque hold; limits of the joints' range always do. A
+            joint without a limit of speed has the largest of the other joints, or, where none has
+            one, none, and `joint-speed` counts it as 100 rad/s; an infinite torque always holds,
+            and its use is 0; a limit of 0 is refused, or none with `limits=False`. With
+            `limits="muscles"`, the largest torque falls with the speed at which the joint turns in
+            its direction, as with muscles (Hill 1938), to 0 at the speed limit: it is
+            :math:`(1 - u) / (1 + 4 u)` of the limit at the share u of the speed limit.
         surface: surface of the ground, for a ball that is played along the ground as by
             `plan_pass`; the goal is then a time and a target at the height of the ball.
         motion: whether to plan the whole motion: from rest to the impact, and to rest again. It

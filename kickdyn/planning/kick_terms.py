@@ -25,7 +25,12 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.leg_derivatives import leg_derivatives
 from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.planning.problem import TOLERANCE, Bounds, Function, Kind
-from kickdyn.robot.kicking_chain import UNLIMITED, kicking_chain, rest_configuration
+from kickdyn.robot.kicking_chain import (
+    UNLIMITED,
+    assumed_speed_limit,
+    kicking_chain,
+    rest_configuration,
+)
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import frames_by_name
 
@@ -64,8 +69,8 @@ class KickVariables:
         self.size = 2 * self.n + 1
         self.lower = np.maximum(chain.leg.lower, -math.pi)
         self.upper = np.minimum(chain.leg.upper, math.pi)
-        limit = chain.leg.velocity_limit
-        self.velocity_scale = np.where(np.isfinite(limit) & (limit > 0.0), limit, UNLIMITED)
+        limit = assumed_speed_limit(chain.leg)
+        self.velocity_scale = np.where(np.isfinite(limit), limit, UNLIMITED)
         self._rest = rest_configuration(leg)
 
     @cached_property
@@ -395,13 +400,16 @@ class TorqueLimit(KickTerm):
 
 
 class SpeedLimit(Bounds[KickPoint]):
-    """The speed of each joint is within its limit, which is kept by `TOLERANCE`."""
+    """The speed of each joint is within its limit, which is kept by `TOLERANCE`.
+
+    A joint without a limit has that of `assumed_speed_limit`.
+    """
 
     explanation = WITHOUT_LIMITS
 
     def __init__(self, variables: KickVariables) -> None:
         self._names, self._vs = variables.names, variables.vs
-        self.limit = _usable(variables.leg.velocity_limit[self._vs])
+        self.limit = assumed_speed_limit(variables.leg)[self._vs]
         most = np.where(np.isfinite(self.limit), 1.0 - TOLERANCE, np.inf)
         self.upper = np.array([*np.full(variables.n, np.inf), *most, np.inf])
         self.lower = -self.upper

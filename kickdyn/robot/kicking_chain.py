@@ -12,7 +12,7 @@ from kickdyn.robot.leg import Leg
 from kickdyn.robot.surgery import angle_model, coordinate_indices, reduce_model
 
 UNLIMITED = 100.0
-"""Speed that counts as the limit of a joint without one [rad/s]: faster than any that kicks."""
+"""Speed that counts as the limit where no joint has one [rad/s]: faster than any that kicks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +36,23 @@ class KickingChain:
         configuration, velocity = rest_configuration(robot), np.zeros(robot.nv)
         configuration[self.qs], velocity[self.vs] = q, v
         return configuration, velocity
+
+
+def assumed_speed_limit(leg: Leg) -> Array:
+    """Return the limits of the joints' speeds, shape `(nv,)` [rad/s; m/s for prismatic joints].
+
+    A joint without one, or with 0, has the largest limit of the other joints of its unit: a leg is
+    not infinitely fast in the joints whose limits are not known. It is infinite if none has one.
+    """
+    limit = np.where(leg.velocity_limit > 0.0, leg.velocity_limit, np.inf)
+    units = {name: leg.joint_unit(name) for name in leg.single_joints}
+    for unit in {*units.values()}:
+        columns = [leg.velocity_index(name) for name in units if units[name] == unit]
+        known = limit[columns][np.isfinite(limit[columns])]
+        limit[columns] = np.where(
+            np.isfinite(limit[columns]), limit[columns], known.max(initial=0.0) or np.inf
+        )
+    return limit
 
 
 def rest_configuration(robot: Leg, others: Mapping[str, float] | None = None) -> Array:

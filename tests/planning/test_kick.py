@@ -109,6 +109,18 @@ def test_a_pass_is_struck_and_rolls_to_its_target(leg):
     assert plan.landing_error < 1e-3
 
 
+@pytest.mark.parametrize(("speed", "is_reached"), [(18.0, True), (60.0, False)])
+def test_joints_without_a_limit_are_not_faster_than_those_that_have_one(speed, is_reached):
+    leg = kd.Leg.human(height=1.8, mass=75, model="3d")
+    plan = kd.plan_kick(leg, kd.Goal(20, speed=speed), BALL)
+    limited = np.isfinite(leg.velocity_limit)
+    fastest = leg.velocity_limit[limited].max()
+    assert limited.sum() == 3
+    assert np.abs(plan.v).max() <= fastest * (1 + optimized(1e-7))
+    assert (plan.share == 1.0) == is_reached
+    assert plan.impact.ball_after.speed <= speed * (1 + optimized(1e-7))
+
+
 def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
     goal = kd.Goal(100, time=3)
     plan = kd.plan_kick(HUMAN, goal, BALL, AIR)

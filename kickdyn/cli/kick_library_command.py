@@ -5,6 +5,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from multiprocessing import get_context
+from time import perf_counter
 from typing import Any
 
 import click
@@ -112,9 +113,13 @@ def kick_library(
         if output.kick is None:
             raise InvalidInput("--out writes the motion of a kick: name it with --kick")
     with busy("planning motions") as show, ranges.executor() as executor:
+        begun: dict[str, tuple[float, int]] = {}
 
         def progress(what: str, count: int, total: int) -> None:
-            show(f"{count} of {total} {what}")
+            start, former = begun.setdefault(what, (perf_counter(), count))
+            rate = (perf_counter() - start) / max(count - former, 1)
+            left = f", about {rate * (total - count) / 60:.0f} min" if count > former else ""
+            show(f"{count} of {total} {what}{left}")
 
         library = make_library(
             leg.load(), file, ball.load(), **ranges.ranges(), height=ranges.height,
@@ -128,7 +133,8 @@ def kick_library(
                 print_wrapped("\n".join(repr(result).splitlines()[1:]))
     if output.out is not None:
         if chosen is None or chosen.motion is None:
-            raise InvalidInput(f"there is no motion to write to {output.out}")
+            reason = "" if chosen is None else chosen.reason
+            raise InvalidInput(f"there is no motion to write to {output.out}: {reason}")
         chosen.motion.save(output.out)
     output.name_written(output.out)
 

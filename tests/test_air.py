@@ -31,6 +31,7 @@ def test_air_at_an_altitude(altitude, kelvin, pressure, density, viscosity):
 def test_the_default_is_at_20_degrees_and_sea_level():
     air = kd.Air()
     assert air == kd.Air.at(0, 20, 101_325)
+    assert kd.Air.at() == kd.Air.at(0.0)
     assert air.density == pytest.approx(1.2250 * 288.15 / 293.15, rel=1e-4)  # p / (R T)
     assert air.buoyancy is True
     assert (air.drag, air.lift, air.torque) == (drag.MODELS["supercritical"],

@@ -1,11 +1,11 @@
-"""Drag against published tables and other correlations; its formulas are in `tests/extremes`."""
+"""Drag against published values and other correlations; its formulas are in `tests/extremes`."""
 
 import numpy as np
 import pytest
 from fluids.drag import Barati, Clift, Clift_Gauvin
 
 import kickdyn as kd
-from kickdyn.aerodynamics.drag import MODELS, REYNOLDS_PER_SPEED, sphere
+from kickdyn.aerodynamics.drag import MODELS, REYNOLDS_PER_SPEED, brown_lawler, sphere
 
 # Kiratidis & Leinweber 2018, evaluated by others from their Eq. 5 and Table 1
 SPEEDS = (5, 10, 12, 14, 16, 18, 20, 25, 30, 35)
@@ -26,6 +26,13 @@ def test_reynolds_per_speed_is_that_of_the_tunnel():
     assert pytest.approx(333_793) == 22.97 * REYNOLDS_PER_SPEED
     air, diameter = kd.Air(), 2 * kd.Ball().radius
     assert air.density * diameter / air.viscosity == pytest.approx(REYNOLDS_PER_SPEED, rel=0.01)
+
+
+# Brown & Lawler 2003: their correlation at round Reynolds numbers
+@pytest.mark.parametrize(("reynolds", "cd"),
+    [(0.1, 247.5), (1, 27.60), (10, 4.13), (100, 1.073), (1e3, 0.463), (1e4, 0.411)])  # fmt: skip
+def test_brown_lawler_has_the_published_values(reynolds, cd):
+    assert brown_lawler(reynolds) == pytest.approx(cd, rel=1.2e-3)
 
 
 @pytest.mark.parametrize(

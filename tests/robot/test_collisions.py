@@ -7,7 +7,6 @@ import kickdyn as kd
 from kickdyn.robot.collisions import (
     Placed,
     _body,
-    _includes,
     bodies_at,
     find_ball_overlaps,
     find_self_collisions,
@@ -147,12 +146,3 @@ def test_forks_around_axes_that_meet_do_not_count(tmp_path, axis, place, size, b
     leg = kd.Leg.from_urdf(tmp_path / "ankle.urdf", "foot", drives=False)
     collisions = [*find_self_collisions(leg, leg.configuration({"pitch": 3.0}))]
     assert collisions == ([("shank", "foot")] if counts else [])
-
-
-def test_a_sphere_around_bodies_includes_all_of_them(tmp_path):
-    """Of balls of 4 and 1 cm, 0.4 m apart, it is 0.24 m wide around their middle."""
-    path = tmp_path / "legs.xml"
-    path.write_text(LEGS.format("sphere", 0.04).replace("<joint", '<geom size="0.01"/><joint'))
-    bodies = bodies_at(kd.Leg.from_mjcf(path, "right"), "right")
-    for height, within in ((0.03, True), (-0.43, True), (0.05, False), (-0.45, False)):
-        assert _includes(bodies, np.array([0.0, 0.0, height])) is within

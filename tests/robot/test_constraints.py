@@ -57,21 +57,16 @@ def test_constraints_replace_their_own_kind_and_stay_with_others():
 @pytest.mark.parametrize(("change", "said"), [
     (lambda: G1.with_supports("left_toe"), f"'left_toe' .*'{FOOT}'"),
     (lambda: G1.with_supports(OTHER), f"{OTHER} is on the kicking limb"),
-    (lambda: G1.with_supports(FOOT, "right_knee_link"), "right_knee_link .* kicking limb"),
     (lambda: kd.Leg.from_robot("g1", "left_knee_link", base="floating").with_supports(FOOT),
      f"{FOOT} is on the kicking limb"),  # beyond the kicking foot
     (lambda: kd.Leg.from_robot("g1").with_supports("pelvis"), "pelvis is fixed to the base"),
-    (lambda: G1.with_supports(7), "support is 7"),
     (lambda: G1.with_stiff_joints("toe"), "'toe' is unknown"),
     (lambda: TREE.with_stiff_joints("hip", "hip"), "'hip' is stiff twice"),
     (lambda: TREE.with_stiff_joints(*TREE.joint_names), "all joints .* are stiff"),
     (lambda: G1.with_supports(FOOT, FOOT), f"{FOOT} is constrained twice"),
-    (lambda: G1.with_supports(FOOT, kd.Support(FOOT, point=True)), "constrained twice"),
     (lambda: kd.Support(FOOT, point="no"), "point of .* is 'no'"),
     (lambda: kd.Support(FOOT, friction=-0.1), f"friction under {FOOT} is -0.1"),
-    (lambda: kd.Support(FOOT, friction=math.nan), "is nan"),
     (lambda: kd.Support(FOOT, sole=CORNERS[:2]), r"\(2, 3\): .*\(k, 3\)"),
-    (lambda: kd.Support(FOOT, sole=[(0, 0, np.inf)] * 3), "sole .*finite"),
     (lambda: kd.Support(FOOT, sole=np.eye(3), point=True), "flat foot"),
     (lambda: kd.Support(FOOT, sole=np.outer(range(3), (1, 1, 0))), "span an area"),
     (lambda: G1.with_loops(("pelvis", "tip")), "'tip' is unknown"),
@@ -180,11 +175,6 @@ def test_velocities_of_a_supported_leg():
     removed = posture.inertia @ (wild - nearest)
     np.testing.assert_allclose(allowed @ removed, 0.0, atol=rounding * np.abs(removed).max())
     assert (G1.posture(posture.q).admissible(wild) == wild).all()
-    rates = rows @ wild
-    correction = posture.constraint_projector.correction(rates)
-    least = np.linalg.solve(np.linalg.cholesky(posture.inertia).T, correction)
-    agrees(rows @ least, rates, rounding)
-    agrees(least, wild - nearest, rounding)  # of least energy
 
 
 def test_a_velocity_that_moves_a_support_is_refused_with_its_speed():

@@ -6,27 +6,16 @@ import threading
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import at, random_leg, serial
+from chains import random_leg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mp, mpf
 from tolerances import agrees, closed_form, differenced
 
 import kickdyn as kd
-from kickdyn.robot.leg import read_leg
 from kickdyn.robot.model_validation import frames_by_name
 
-BODY = pin.Inertia(1.0, np.array([0.0, 0.0, -0.25]), np.diag([0.1, 0.1, 0.05]))
 SEEDS = st.integers(0, 10**6)
-
-
-def arm(armature=0.0, gravity=-9.81):
-    """A pin.Model: two hinges about y that carry rods of 0.5 m, with a frame `toe` at the tip."""
-    joints = [(f"j{k}", pin.JointModelRY(), at(0, 0, -0.5 * k), BODY) for k in range(2)]
-    model = serial(joints, at(0, 0, -0.5))
-    model.armature = np.full(model.nv, armature)
-    model.gravity = pin.Motion(np.array([0, 0, gravity]), np.zeros(3))
-    return model
 
 
 # lengths [m], masses [kg], moments of inertia about the centre [kg m2], centres [m] of the paper
@@ -178,13 +167,6 @@ def test_a_point_elsewhere_on_the_foot_is_a_frame_there(seed):
         origin.with_contact_offset((0, -1001, 0))
 
 
-def test_rotors_add_to_the_inertia():
-    leg, q = kd.Leg.human(), [0.3, 0.8, -0.2]
-    geared = leg.with_armature({"knee": 0.5}).with_armature({"knee": 0.1, "hip": 0.2})
-    added = geared.posture(q).inertia - leg.posture(q).inertia
-    assert added == pytest.approx(np.diag([0.2, 0.1, 0]), abs=closed_form())
-
-
 HUMAN_MODEL = kd.Leg.human().model
 
 
@@ -192,7 +174,6 @@ HUMAN_MODEL = kd.Leg.human().model
     (lambda leg: leg.locked({"toe": 0}), "'toe' is unknown"),
     (lambda leg: leg.locked({"ankle": 30}), "ankle at 1718.9 deg"),
     (lambda leg: leg.locked({"hip": 0, "knee": 0, "ankle": 0}), "all joints"),
-    (lambda leg: leg.with_armature({"toe": 1}), "'toe' is unknown"),
     (lambda leg: leg.with_base_velocity((0, 0, 101)), "speed of the base is 101.* 100"),
     (lambda leg: leg.with_base_velocity((0, 0, 0), (80, 0, 80)), "angular speed .* 100"),
     (lambda leg: kd.Leg.from_robot("bolt", base="floating").with_base_velocity((1, 0, 0)),
@@ -203,10 +184,8 @@ HUMAN_MODEL = kd.Leg.human().model
     (lambda leg: kd.Leg.from_model(HUMAN_MODEL, "base"), "'base' is fixed to the base"),
     (lambda leg: kd.Leg.from_model(None, "toe"), r"pinocchio\.Model"),
     (lambda leg: kd.Leg.from_model(HUMAN_MODEL), r"from_model\(model, frame\).* knee.* toe"),
-    (lambda leg: kd.Leg(HUMAN_MODEL), r"from_model\(model, frame\).* knee.* toe"),
     (lambda leg: kd.Leg("leg.urdf"), r"pinocchio\.Model.*from_urdf"),
     (lambda leg: kd.Leg.from_urdf(leg.file.text), "the text of a file: save it"),
-    (lambda leg: kd.Leg.from_mjcf(" <mujoco/>", "toe"), "the text of a file: save it"),
     (lambda leg: kd.Track.from_csv("t,x,y,z\n0,1,2,3"), "the text of a file: save it"),
 ])  # fmt: skip
 def test_bad_arguments_are_refused(change, said):
@@ -233,7 +212,8 @@ def test_a_speed_limit_of_0_is_a_warning_where_the_joint_moves_the_foot():
 
 @pytest.mark.parametrize("gravity", [-9.81, 0.0])
 def test_a_leg_has_a_model_of_its_own(gravity):
-    model = arm(armature=0.1, gravity=gravity)
+    model = random_leg(np.random.default_rng(0), joints=2).model
+    model.gravity = pin.Motion(np.array([0, 0, gravity]), np.zeros(3))
     leg = kd.Leg.from_model(model, "toe")
     assert leg.model.gravity == model.gravity
     assert leg.workspace.model.gravity == pin.Motion.Zero()  # an impact is too short for it
@@ -253,10 +233,8 @@ def test_arrays_are_copies_and_read_only():
     leg.posture([1, 2, 3])
     assert posture.q.tolist() == Q
     assert (posture.inertia == before).all()
-    names = "q", "contact_point", "contact_lever", "jacobian", "inertia", "whitened_jacobian"
-    arrays = [getattr(posture, name) for name in (*names, "rotation_world_joint")]
-    limits = leg.contact_lever, leg.lower, leg.upper, leg.velocity_limit, leg.effort_limit
-    for array in (*arrays, *limits):
+    limits = leg.lower, leg.upper, leg.velocity_limit, leg.effort_limit
+    for array in (*limits, posture.whitened_jacobian):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1
 
@@ -278,17 +256,3 @@ def test_threads_do_not_mix():
         worker.join()
     assert together == [[leg.posture(q).delassus().tolist() for q in half] for half in qs]
     assert spaces[0] is not spaces[1]
-
-
-def test_the_root_element_tells_urdf_and_mjcf_apart(tmp_path):
-    urdf, mjcf = tmp_path / "a.xml", tmp_path / "b.xml"
-    urdf.write_text(kd.Leg.human().file.text)
-    mjcf.write_text(
-        '<mujoco><worldbody><body><joint name="hip" type="hinge" axis="0 1 0"/>'
-        '<geom size="0.1"/><site name="toe" pos="0 0 -0.8"/></body></worldbody></mujoco>'
-    )
-    assert read_leg(urdf, None, "fixed").joint_names == ("hip", "knee", "ankle")
-    assert read_leg(mjcf, "toe", "fixed").joint_names == ("hip",)
-    bent = read_leg(urdf, "toe", "fixed", locked={"knee": 90.0})  # degrees
-    there = kd.Leg.human().locked({"knee": np.pi / 2}).posture([0, 0]).contact_point
-    assert bent.posture([0, 0]).contact_point == pytest.approx(there)

@@ -59,7 +59,7 @@ def test_meshes_beside_the_folder_of_a_robot_without_a_package(tmp_path):
 
 @pytest.mark.parametrize("name", [
     "../../../secret.stl", "package://robot_description/../../secret.stl", "{top}/secret.stl",
-    "link.stl"])  # fmt: skip
+    "link.stl", "out/secret.stl"])  # fmt: skip
 @pytest.mark.parametrize("is_named", [False, True])
 def test_files_outside_are_refused(robot, tmp_path, name, is_named):
     """Also if the package itself is named in package_dirs."""

@@ -99,7 +99,6 @@ REFUSED = [
     moments(1, 1, 2.02),  # the triangle inequality is broken by 1 %
     (THIGH_MASS, THIGH_MASS * 2, "'thigh' inertial has 2 of <mass>"),
     ('xyz="0 0 -0.2"', 'xyz="0 0 nan"', r"\[nan\]"),
-    ('xyz="0 0 -0.2"', 'xyz="0 0 -1e200"', r"'hip' .*below 1e\+100"),
     ('xyz="0 0 -0.4"', 'xyz="0 0 -1e200"', r"'knee' .*below 1e\+100 m"),
     (SHANK_INERTIAL, "", "'knee' moves .*mass 0 kg"),
     # tree
@@ -123,7 +122,6 @@ REFUSED = [
       for xyz in ("0 0 0", "0 nan 0", "0 1", "", "0 1e-200 0", "0 1e200 0")),
     # names
     (KNEE, 'name="universe" type="revolute"', "'universe' is reserved"),
-    (KNEE, 'name="" type="revolute"', "joint has no name"),
     ('<link name="toe"/>', "<link/>", "link has no name"),
     (KNEE, 'name="a&#10;&lt;x&gt;" type="revolute"', r"'a\\n<x>' is not a printable"),
     (KNEE, f'name="{"x" * 9999}" type="revolute"', "'x{40}' is not .*at most 200"),

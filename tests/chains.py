@@ -86,10 +86,8 @@ def any_kick(rng, leg, **contact):
     closing = posture.point_velocity(v) - ball_velocity
     normal = closing / np.linalg.norm(closing) + rng.uniform(-0.3, 0.3, size=3)
     contact = kd.Contact(normal, **{"restitution": rng.uniform(0, 1), **contact})
-    return (posture, v, kd.Ball(), contact), {
-        "ball_velocity": ball_velocity,
-        "ball_spin": ball_spin,
-    }
+    motion = {"ball_velocity": ball_velocity, "ball_spin": ball_spin}
+    return (posture, v, kd.Ball(), contact), motion
 
 
 def floating_leg(rng):

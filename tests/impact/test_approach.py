@@ -27,13 +27,9 @@ FUNCTIONS = (kd.strike, strike_by_pinocchio, kd.collide, kd.unilateral_strike)
 @pytest.mark.parametrize(("change", "error", "words"), [
     ({"posture": LEG}, kd.InvalidInput, "posture is .*Posture"),
     ({"v": [0, math.nan, 0]}, kd.InvalidInput, "v is .*finite"),
-    ({"v": "fast"}, kd.InvalidInput, "v is 'fast'"),
     ({"v": [0, -1e160, -1e160]}, kd.InvalidInput, "double precision"),
-    ({"ball": None}, kd.InvalidInput, "ball is None"),
-    ({"contact": None}, kd.InvalidInput, "contact is None"),
     ({"ball_velocity": (1, 2)}, kd.InvalidInput, r"ball velocity has shape \(2,\)"),
     ({"ball_velocity": (-1e150, 0, 0)}, kd.InvalidInput, r"1e\+150 m/s"),
-    ({"ball_spin": (0, math.inf, 0)}, kd.InvalidInput, "ball spin is .*finite"),
     ({"ball_spin": (0, 1e200, 0)}, kd.InvalidInput, r"1e\+140 m/s"),
     ({"v": [0, 0, 0]}, kd.NoImpact, "do not approach"),
     ({"ball_velocity": (9, 0, 0)}, kd.NoImpact, "away from the ball"),

@@ -123,9 +123,3 @@ def test_several_contacts_are_one_multibody_system(seed):
     agrees(result, after, closed_form(10))
     lost = 0.5 * (motion @ (mass * motion) - after @ (mass * after))
     assert solution.energy_lost == pytest.approx(lost, rel=closed_form(1e4), abs=closed_form(1e4))
-
-
-@pytest.mark.parametrize("law", ["paper", "stronge"])
-def test_a_law_of_one_contact_refuses_several(law):
-    with pytest.raises(kd.InvalidInput, match=f"'{law}'.* 2 simultaneous contacts.*'newton'"):
-        solve_contacts(two_contacts(0), LAWS[law])

@@ -92,10 +92,8 @@ def test_rows_without_machine_code():
     ({"v": np.ones((3, 3))}, "q has 2 rows and v 3"),
     ({"contact": [kd.Contact((1, 0, 0))] * 3}, "contact has length 3"),
     ({"contact": kd.Contact((1, 0, 0), 0.0)}, "restitution is 0.0"),
-    ({"contact_time": 10}, "contact time is 10"),
-    ({"contact_time": 0.01, "stiffness": 1e5}, "only one"), ({"stiffness": "pressure"}, "pressure"),
-    ({"ball": kd.Ball(math.inf)}, "mass is inf"), ({"torque": [1.0]}, "torque has shape"),
-    ({"tol": 1.0}, "tol is 1"), ({"ball_spin": np.ones((3, 3))}, r"ball spin has shape \(3, 3\)")
+    ({"contact_time": 10}, "contact time is 10"), ({"torque": [1.0]}, "torque has shape"),
+    ({"ball_spin": np.ones((3, 3))}, r"ball spin has shape \(3, 3\)")
 ])  # fmt: skip
 def test_bad_input(changes, words):
     arguments = {"q": Q, "v": V, "ball": kd.Ball(), "contact": kd.Contact((1, 0, 0), 0.5)}

@@ -60,22 +60,6 @@ def test_hysteresis_returns_the_square_of_the_restitution(e, exponent, largest, 
     assert model.stored(deflection, largest) == pytest.approx(returned, rel=integrated(1e-7))
 
 
-@pytest.mark.parametrize("e", [0.6, 1.0])
-def test_the_power_lost_is_that_of_the_force_that_does_not_come_back(e):
-    """In compression a share 1 - e^2 of the force times the rate; in restitution none."""
-    model, rate = ForceModel(5e4, e), 3.0
-    lost = (1 - e * e) * 5e4 * 0.02**1.5 * rate
-    load = model.load(0.02, rate)
-    assert load.lost == pytest.approx(lost, rel=closed_form(), abs=closed_form())
-    assert load.carried == 0.0
-    assert model.load(0.02, -rate, 0.021).lost == 0.0
-
-
-def test_the_contact_pushes_only():
-    assert ForceModel(1e5).force(-0.01) == 0.0
-    assert ForceModel(1e5).force(1e300) == np.inf
-
-
 @pytest.mark.parametrize(("arguments", "words"), [
     ((0.0, 1, 1), "contact time is 0"), ((10, 1, 1), r"contact time is 10.* at most 0\.1"),
     ((0.01, -1, 1), "mass is -1"), ((0.01, 1, math.nan), "approach speed is nan"),

@@ -9,7 +9,7 @@ from extremes import extreme_impacts
 from references.exact_impact import exact_impact, given
 
 import kickdyn as kd
-from kickdyn.impact.rounding import _spread, digits_left
+from kickdyn.impact.rounding import _spread
 
 HARSH = [*extreme_impacts.heavy_balls(), *list(extreme_impacts.cancellations())[:4],
          *extreme_impacts.short_links(), *extreme_impacts.masses()]  # fmt: skip
@@ -51,10 +51,6 @@ def test_the_speeds_that_cancel_are_those_along_the_links():
     posture, v = kd.Leg.human().posture([0.4, 1.5, 0.1]), np.array([[2.0, 0.0], [-3, 1], [4, 0]])
     right = [2 * (0.371 + 0.443 + 0.145) + 3 * (0.443 + 0.145) + 4 * 0.145, 0.443 + 0.145]
     assert _spread(posture, v) == pytest.approx(right)
-
-
-def test_digits_are_those_of_float64():
-    np.testing.assert_allclose(digits_left(np.array([0.0, 1e-3, 2.0])), [16.0, 3.0, 0.0])
 
 
 @pytest.mark.parametrize(("share", "creates"), [(1e-13, False), (1e-11, True)])

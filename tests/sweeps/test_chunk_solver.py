@@ -52,16 +52,6 @@ def test_blocks_of_a_grid_are_parts_of_the_whole(monkeypatch):
         assert flags.tolist() == status[first : first + count].tolist()
 
 
-def test_flown_carries_are_right_to_1e_8():
-    kick = Kick(speed=30.0, attack=0.3, restitution=0.6, friction=0.3, air=kd.Air())
-    grid = Grid({"hip": np.linspace(-0.4, 0.9, 5), "knee": np.linspace(-1.4, -0.1, 5)})
-    postures = [LEG.posture(grid.configuration(LEG, i)) for i in range(grid.size)]
-    launches = [kick_from(posture, kick).impact.ball_after for posture in postures]
-    exact = [kd.fly(ball, kick.ball, kick.air, tol=1e-13).range for ball in launches]
-    assert sum(carry > 1.0 for carry in exact) > 15
-    assert solved(LEG, grid, kick)[0][CARRY] == pytest.approx(exact, rel=1e-8)
-
-
 @pytest.mark.processor_limit(10)  # of 750 flights one by one, where machine code is not stored
 def test_interpolation_changes_carries_only_and_within_the_tolerance():
     kick = Kick(speed=14.0)

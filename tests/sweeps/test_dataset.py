@@ -70,24 +70,9 @@ def test_every_property_of_a_leg_that_changes_an_impact_makes_it_another_leg(leg
     assert len(set(hashes)) == len(legs)
 
 
-def test_rounding_of_a_model_makes_no_other_leg():
-    model = kd.Leg.human().model
-    for place in model.jointPlacements:
-        place.rotation = place.rotation @ pin.exp3(1e-15 * np.ones(3))
-        place.translation = (1.0 + 1e-15) * place.translation + 1e-17
-    turned = kd.Leg.from_model(model, "toe")
-    assert turned.model.saveToString() != LEG.model.saveToString()
-    assert provenance(turned, KICK)["model_sha256"] == provenance(LEG, KICK)["model_sha256"]
-
-
-NEXT = AXES | {"knee": np.nextafter(AXES["knee"], 1.0)}
-
-
 @pytest.mark.parametrize(("sweep", "words"), [
-    ({}, None), ({"axes": {"hip": AXES["hip"]}}, ["joints", "hip, knee"]),
-    ({"axes": NEXT}, ["knee"]), ({"leg": heavier(1.1)}, ["model", "masses"]),
+    ({}, None), ({"leg": heavier(1.1)}, ["model", "masses"]),
     ({"kick": replace(KICK, speed=2.0)}, ["foot_speed_m_s", "1.0", "2.0"]),
-    ({"kick": replace(KICK, attack=np.nextafter(0.3, 1.0))}, ["attack_rad"]),
     ({"kick": airy(drag=drag(0.2))}, ["air"]),
     ({"kick": airy(density=kd.Air().density + 1e-9)}, ["air", "functions"]),
     ({"kick": replace(KICK, restitution=0.8 + 1e-14)}, None),

@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from chains import floating_leg, random_leg
-from extremes.extreme_impacts import chain
 from tolerances import closed_form
 
 import kickdyn as kd
@@ -113,14 +112,6 @@ def test_the_base_may_move(planar):
 ], ids=["floating", "base leaves the plane", "base turns out of the plane"])  # fmt: skip
 def test_a_leg_that_the_kernel_does_not_serve_has_no_model(leg):
     assert KernelModel.of(leg, Kick()) is None
-
-
-def test_a_foot_that_hardly_moves_along_the_normal_is_doubtful():
-    axes = {"hip": np.radians([90.0]), "knee": np.zeros(1), "ankle": np.radians([40.0, 90.0])}
-    assert answers(LEG, Kick(attack=0.0), axes)[1][kernel.DOUBT].tolist() == [0, 1]
-    single = chain((0.4,), (2.0,))
-    name = single.joint_names[0]
-    assert answers(single, Kick(attack=0.0), {name: np.array([0.1, 0.3])})[1][kernel.DOUBT].all()
 
 
 @pytest.mark.parametrize("shape", [(3, 7, 13), (2, 2, 40), (5, 41, 1), (1, 1, 80)])

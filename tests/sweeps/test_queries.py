@@ -104,7 +104,6 @@ def test_a_condition_is_true_where_python_says_so(made_up, text):
     ("hip\0<3", "read"), ("__import__('os').system('true') < 1", "consists of"),
     ("hip.real < 1", "'hip.real'"), ("hip[0] < 1", r"'hip\[0\]'"), ("hip ** 9 < 1", "read"),
     ("hip in (1, 2)", r"'\(1, 2\)'"), ("(lambda: hip)() < 1", "consists of"),
-    ("hip if hip else hip < 1", "consists of"), ("f'{hip}' < 1", "consists of"),
     ("(hip := 3) < 1", "consists of"), ("True", "'True'"), ("hip < 1j", "'1j'"),
     ("hip < 1" + "0" * 400, "read"), ("hip < " + "-" * 990 + "1", "condition"),
     ("(" * 300 + "hip" + ")" * 300 + " < 1", "read"), ("hip < " + "1 + " * 400 + "1", "1000"),

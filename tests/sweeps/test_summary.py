@@ -121,10 +121,3 @@ def test_the_best_and_the_front_are_written_as_plain_values(data):
     values, units = {"hip": 30.0, "rail": 0.2}, {"hip": "deg", "rail": "m"}
     by_unit = {"angles_deg": {"hip": 30.0}, "positions_m": {"rail": 0.2}}
     assert joint_values_by_unit(values, units) == by_unit
-
-
-def test_a_condition_that_no_posture_fulfils_leaves_nothing(data):
-    result = summarize(data, "knee > 100")
-    assert (result.chosen, result.worst, len(result.best), len(result.front)) == (0, -1, 0, 0)
-    assert result.counts["ok"] > 0
-    assert result.as_json()["best"]["ball_speed"] == []

@@ -54,8 +54,6 @@ def test_the_kernel_agrees_with_single_kicks(samples, monkeypatch):
         rough = integrated(1e-11, 1000) if name == "carry" else closed_form(100)
         close = {"rel": rough, "abs": closed_form(10)}
         assert compiled[name].values == pytest.approx(single[name].values, **close), name
-    within = kd.sweep(LEG, postures, kick, samples=samples, tolerance=1e-4)
-    assert abs(within.carry - compiled.carry).max() <= 1e-4
 
 
 def test_variables_are_nan_only_out_of_reach():

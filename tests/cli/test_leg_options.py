@@ -130,17 +130,12 @@ def test_joints_of_an_mjcf_are_locked_before_it_is_judged(name, tmp_path):
 
 
 @pytest.mark.parametrize(("words", "value", "valid"), [
-    (["--lock", "knee"], "'knee'", "JOINT=VALUE"),
     (["--lock", "knee=x"], "'knee=x'", "JOINT=VALUE"),
     (["--lock", "knee=1", "--lock", "knee=2"], "'knee=2'", "once"),
     (["--lock", "ankle=500"], "500 deg", "-20 to 50 deg"), (["--lock", "kne=1"], "'kne'", "'knee'"),
-    (["--loop", "a-b"], "'a-b'", "A:B"), (["--loop", "toe:foot"], "toe - foot", "itself"),
-    (["--loop", "toe:tow"], "'tow'", "toe"), (["--stiff", "toe"], "'toe'", "hip, knee, ankle"),
-    ([*BOLT, "--support", "FL_FOOT:-1"], "-1", "at least 0"),
+    (["--loop", "a-b"], "'a-b'", "A:B"), (["--stiff", "toe"], "'toe'", "hip, knee, ankle"),
     ([*BOLT, "--support", "FL_FOOT:much"], "much", "FRAME:FRICTION"),
     ([*BOLT, "--support", "FL_FOOT:0.7:0.1,0.05/0,0/1,1"], "(3, 2)", "corners"),
-    ([*BOLT, "--support", "FR_FOOT"], "FR_FOOT", "kicking limb"),
-    ([*BOLT, "--support", "tow"], "'tow'", "FL_FOOT"),
     (["--leg", "hunam"], "'hunam'", "human, testbed"),
     (["--leg", "human:height=x"], "'height=x'", "height=METRES"),
     (["--facing", "y", "--leg", "g1"], "'y'", "faces x"),
@@ -149,6 +144,6 @@ def test_a_bad_option_is_named_with_what_is_valid(words, value, valid):
     with pytest.raises(kd.InvalidInput) as refusal:
         loaded(*words)
     text = str(refusal.value)
-    assert any(word in text for word in value.split("|")), text
-    assert any(word in text for word in valid.split("|")), text
+    assert value in text
+    assert valid in text
     assert "\n" not in text

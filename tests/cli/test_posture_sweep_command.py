@@ -70,7 +70,7 @@ def test_options_give_the_kicks_of_the_library(line, kickdyn):
 
 def test_a_sweep_is_the_library_s(kickdyn):
     grid = "--joint hip=0:40:2 --joint knee=0:60:2 --joint ankle=0:20:4"
-    kickdyn(f"posture-sweep {grid} --speed 2 --tolerance 1e-3 --threads 2 --out s.nc")
+    kickdyn(f"posture-sweep {grid} --speed 2 --tolerance 1e-3 --threads 2 --out s.nc --plot s.png")
     axes = zip(("hip", "knee", "ankle"), ((0, 41, 2), (0, 61, 2), (0, 21, 4)), strict=True)
     axes = {name: np.radians(np.arange(*ends)) for name, ends in axes}
     with xr.open_dataset("s.nc") as data:
@@ -78,25 +78,7 @@ def test_a_sweep_is_the_library_s(kickdyn):
         assert data.attrs["carry_tolerance_m"] == 1e-3
         assert data.impulse.values == pytest.approx(right.impulse.values, rel=1e-6)
         assert data.carry.values == pytest.approx(right.carry.values, abs=2e-3)
-
-
-def test_the_table_has_the_numbers_of_the_document(kickdyn, tmp_path):
-    """Each column of the table is a line of the document."""
-    ended = kickdyn(f"{SWEEP} --json s.json --plot s.png")
-    lines = json.loads((tmp_path / "s.json").read_text())["lines"]
-    table = {}
-    for text in ended.out.splitlines():
-        cells = re.split(r"  +", text.strip())
-        table.setdefault(cells[0], cells[1:])
-    for row, name in {
-        "effective mass, kg": "effective_mass", "impulse on the ball, N s": "impulse",
-        "launch angle, deg": "launch_angle", "back spin, rad/s": "back_spin",
-        "carry distance, m": "carry", "impulse in that joint, N s": "worst_joint_impulse",
-    }.items():  # fmt: skip
-        right = [entry[name] * (180 / math.pi if "deg" in row else 1.0) for entry in lines]
-        assert [float(cell) for cell in table[row]] == pytest.approx(right, rel=1e-3, abs=6e-3), row
-    assert table["the same in the paper, N s"] == ["1.554", "0.944", "0.646"]
-    assert (tmp_path / "s.png").stat().st_size > 0
+    assert Path("s.png").stat().st_size > 0
 
 
 def test_a_store_says_what_a_file_says_and_is_resumed(kickdyn, tmp_path):

@@ -6,7 +6,7 @@ from drawn_scene import DrawnScene, in_the_picture
 from tolerances import agrees, closed_form
 
 from kickdyn.view import camera as cameras
-from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP, camera_for, level_direction, set_stage
+from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP, camera_for, set_stage
 from kickdyn.view.document import recording_viewer
 
 LEG = np.array([(x, y, z) for x in (-0.1, 0.3) for y in (-0.1, 0.1) for z in (-0.9, 0.1)])
@@ -76,11 +76,3 @@ def test_a_short_kick_goes_to_the_right_and_a_wall_is_seen_from_behind():
     (6, 1), (11.9, 1), (12, 2), (30, 5), (59, 5), (0.6, 0.1)])  # fmt: skip
 def test_stripes_are_round_numbers_of_a_sixth_or_less(extent, width):
     assert cameras.stripe_width(extent) == pytest.approx(width)
-
-
-def test_level_directions_and_corners():
-    assert level_direction(np.array([3.0, -4.0, 9.0])) == pytest.approx([0.6, -0.8, 0.0])
-    assert level_direction(np.array([1e-9, 0.0, 2.0])) == pytest.approx([1.0, 0.0, 0.0])
-    corners = cameras.box_corners(np.array([(1.0, 2.0, 3.0)]), 0.5)
-    assert np.unique(corners, axis=0).shape == (8, 3)
-    assert np.abs(corners - (1, 2, 3)) == pytest.approx(np.full((8, 3), 0.5))

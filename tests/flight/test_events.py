@@ -8,7 +8,7 @@ from tolerances import agrees, closed_form, integrated
 
 import kickdyn as kd
 from kickdyn.flight.batch import MARCH
-from kickdyn.flight.events import CREST, Event, end_at_launch, ground_event
+from kickdyn.flight.events import CREST, Event
 
 BALL, AIR = kd.Ball(), kd.Air()
 KICK = kd.BallState((1, 2, 3), (20, 3, 9), (0, -30, 5))
@@ -170,19 +170,6 @@ def test_a_ball_in_a_vacuum_enters_a_sphere_in_its_way(radius, speed):
     assert path.landing.position[0] < centre[0]
     t = path.duration
     agrees(path.landing.position, [speed * t, 0, 9.81 * (t - 2 * t**2) / 4], integrated(1e-9))
-
-
-@pytest.mark.parametrize(("velocity", "rates", "ends"), [
-    ((1, 0, -1), (0, 0, -9.81), True),
-    ((1, 0, 1), (0, 0, -9.81), False),
-    ((1, 0, 0), (0, 0, -9.81), True),  # level: the weight pulls it down
-    ((1, 0, 0), (0, 0, 9.81), False),
-    ((0, 0, 0), (0, 0, 0), True),  # at rest on the ground
-])  # fmt: skip
-def test_an_event_that_is_zero_at_the_launch_ends_unless_it_rises(velocity, rates, ends):
-    ground = ground_event(BALL, None).launched(kd.BallState())
-    state, rate = np.array([0, 0, 0, *velocity, 1.0]), np.array([*velocity, *rates, 0.0])
-    assert (end_at_launch([CREST, ground], state, rate) is ground) == ends
 
 
 @pytest.mark.parametrize(("function", "words"), [

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from tolerances import agrees, closed_form, integrated
 
 import kickdyn as kd
-from kickdyn.flight.ground_motion import bounce, roll, rolling_share, slide, slip, time_to_rest
+from kickdyn.flight.ground_motion import bounce, roll, rolling_share, slide, slip
 from kickdyn.ground import SURFACES, Surface
 
 BALL, HEAVY = kd.Ball(), kd.Ball(0.6, 0.2, 0.4)
@@ -118,13 +118,6 @@ def test_a_ball_rolls_in_the_wind_as_scipy_rolls_it(wind, tol):
     states = path.sample(np.linspace(0, path.duration, 50))
     assert slip(states, BALL) == pytest.approx(np.zeros((50, 2)), abs=closed_form(10))  # it rolls
     assert path.end.velocity.tolist() == [0, 0, 0]
-
-
-def test_the_time_to_rest_is_that_of_constant_forces():
-    velocity, wind = np.array([[3e-3, 4e-3], [0.0, 0.0]]), np.array([0.3, 0.0])
-    times = time_to_rest(velocity, wind, 0.7)
-    assert times == pytest.approx([5e-3 / (0.7 - 0.3 * 0.6), 0.0], rel=closed_form())
-    assert time_to_rest(velocity, 3 * wind, 0.7).tolist() == [math.inf, math.inf]
 
 
 @pytest.mark.parametrize(("velocity", "turns"), [

@@ -1,17 +1,17 @@
-"""The integrator: closed forms, order, energy, and the events within its steps."""
+"""The integrator: a closed form, its order, and steps that foresee the end."""
 
 import math
 
 import numpy as np
 import pytest
-from tolerances import closed_form, integrated
+from tolerances import integrated
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.flight.equations import FINEST, FlightEquations
 from kickdyn.flight.events import CREST, ground_event
 from kickdyn.flight.fly import fly_arc
-from kickdyn.flight.integrate import Tolerance, integrate, trajectory
+from kickdyn.flight.integrate import Tolerance, integrate
 
 BALL = kd.Ball()
 
@@ -62,46 +62,3 @@ def test_most_flights_take_no_step_anew_to_end_at_the_ground():
         arc = fly_arc(start, BALL, kd.Air(), 1e-9, [ground], 1e3, None).arc
         anew.append(arc.evaluations > 12 * len(arc.steps) + 1)
     assert np.mean(anew) < 0.5
-
-
-def fall(_, y):
-    return [*y[3:], 0.0, 0.0, -10.0]
-
-
-TOLERANCE = Tolerance(1e-10, np.full(6, 1e-10))
-START = np.array([0, 0, 0, 1.0, 0, 10.0])
-
-
-def event(function, name="there"):
-    return kd.Event(name, lambda state, numbers: function(state))
-
-
-def test_an_arc_ends_at_the_event():
-    level = event(lambda y: y[5])
-    arc = integrate(fall, (2.0, START), [level], 100.0, TOLERANCE)
-    assert arc.reached is level
-    assert arc.end == pytest.approx(3.0, rel=closed_form())
-    assert arc.state == pytest.approx([1, 0, 5, 1, 0, 0], abs=closed_form(10))
-    samples = trajectory(arc, START)(np.array([2.0, 2.5, 3.0]))
-    assert samples[2] == pytest.approx([0, 3.75, 5], abs=closed_form(10))
-
-
-def test_an_arc_without_an_event_ends_at_the_time_limit():
-    deep = event(lambda y: y[2] + 1e6)
-    arc = integrate(fall, (0.0, START), [deep, CREST], 3.0, TOLERANCE)
-    ((passed, locate),) = arc.passed
-    assert (arc.reached, arc.end, passed) == (None, 3.0, CREST)
-    assert arc.state == pytest.approx([3, 0, -15, 1, 0, -20])
-    assert locate()[0] == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("brake", [2.0, 2e5, 1e20])
-def test_an_event_that_is_zero_at_the_start_must_rise_first(brake):
-    """It starts level, rises, and comes down: in the second case within a step."""
-
-    def hop(t, y):
-        return [*y[3:], 0.0, 0.0, 1.0 - brake * t]
-
-    loose = Tolerance(1e-6, np.full(6, 1e-2))
-    arc = integrate(hop, (0.0, np.zeros(6)), [event(lambda y: y[5])], 10.0, loose)
-    assert arc.end == pytest.approx(2 / brake, rel=closed_form(100), abs=0.0)

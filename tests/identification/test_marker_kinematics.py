@@ -99,15 +99,6 @@ def test_the_covariance_of_lengths_is_that_of_the_normal_equations(fitted):
     agrees(leg.covariance, expected, 1e-3)  # at the configurations of the fit
 
 
-def test_lengths_change_configurations_by_their_slopes(fitted):
-    leg, _ = fitted
-    scales, q = np.array(list(leg.scales.values())), state(-0.05)
-    _, jacobian = MarkerKinematics(leg.leg.model, leg.places).markers(q, ALL)
-    by_scale = by_differences(lambda x: placed(q, scales + x), JOINTS)
-    expected = -np.linalg.lstsq(jacobian, by_scale, rcond=None)[0]
-    agrees(leg.slopes(q), expected, differenced())
-
-
 @pytest.mark.parametrize("c", [0.03, 0.4, 0.6])
 def test_the_deviation_of_places_is_that_of_their_means_in_the_axes_of_the_segment(c):
     """A cluster that is wrong by c + d and c - d times its size, in turn, on a body that turns.

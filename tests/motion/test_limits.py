@@ -1,4 +1,4 @@
-"""Limits of the ground by wrenches of stated forces, and of joints and bodies by hand."""
+"""Limits of joints and bodies by hand; `test_motion_problem` has those of the ground."""
 
 from types import SimpleNamespace
 
@@ -9,40 +9,14 @@ import pytest
 import kickdyn as kd
 from kickdyn.motion import limits as module
 from kickdyn.motion.kick_task import _friction, check_sole
-from kickdyn.motion.limits import Apart, Clearance, PressureCentre, RestingTorqueLimit, Sample
+from kickdyn.motion.limits import Apart, Clearance, RestingTorqueLimit, Sample
 from kickdyn.robot.ground_clearance import Spheres
-
-MIDDLE, WEIGHT = np.array([0.3, -0.2]), 400.0
-SOLE = MIDDLE + np.array([(0.1, 0.05), (0.1, -0.05), (-0.1, -0.05), (-0.1, 0.05)])
-STANDING = SimpleNamespace(sole=SOLE)
-
-
-def ground(force, place=MIDDLE, twist=0.0):
-    """Return a force of the ground at a place (x, y), and a moment about the vertical there."""
-    moment = np.cross([*place, 0.0], force) + np.array([0.0, 0.0, twist])
-    return SimpleNamespace(wrench=ca.DM([*force, *moment]), size=WEIGHT)
-
-
-def numbers(values):
-    return np.array(ca.DM(values)).ravel()
 
 
 def margins(limit, sample):
-    values = numbers(limit.margins(sample))
+    values = np.array(ca.DM(limit.margins(sample))).ravel()
     assert len(values) == len(limit.labels)
     return values
-
-
-@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.07, 0.0), (-0.02, 0.04), (0.12, 0.0)])
-def test_the_centre_of_pressure_has_its_distances_from_the_edges(offset):
-    x, y = offset
-    expected = sorted([0.1 - x, 0.1 + x, 0.05 - y, 0.05 + y])
-    for force, twist in (((0.0, 0.0, 300.0), 0.0), ((50.0, -30.0, 300.0), 9.0)):
-        sample = ground(force, MIDDLE + offset, twist)
-        rows, low, _ = PressureCentre(STANDING).rows(sample)
-        scaled = (np.subtract(expected, 0.004)) * 300.0 / (WEIGHT * module.LENGTH)
-        assert sorted(numbers(rows)) == pytest.approx(scaled)
-        assert low == 0.0
 
 
 def state(v, q=(0.0, 0.0), torque=(0.0, 0.0), resting=None):

@@ -16,7 +16,7 @@ import kickdyn as kd
 from kickdyn.motion.impact_rows import TURN_SCALE
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.kick_task import KickTask
-from kickdyn.motion.motion_problem import ENDS, JERK, NEARNESS, SHARE, MotionProblem
+from kickdyn.motion.motion_problem import SHARE, MotionProblem
 from kickdyn.motion.row_blocks import Block, Cost, block_solver, make_rows
 from kickdyn.motion.solution import Multipliers, Solution
 from kickdyn.motion.splines import MotionSplines
@@ -73,14 +73,6 @@ def test_a_strike_keeps_the_rows_of_the_impact(restitution, friction, share):
     assert pushed == pytest.approx({"knee": share * whole[1]}, rel=closed_form(1e3))
 
 
-def test_forces_are_those_of_pinocchio(problem):
-    model, draw = LEG.model, np.random.default_rng(1)
-    for q, v, a in draw.uniform(-0.5, 0.5, (3, 3, 3)):
-        torque = pin.rnea(model, model.createData(), q, v, a)
-        forces = np.asarray(problem.forces(q, v, a)).ravel()
-        agrees(forces, torque / LEG.effort_limit, closed_form(10))
-
-
 def test_bodies_are_apart_by_the_rows_of_their_points(problem):
     q, hit = np.array([0.5, 0.6, -0.3]), np.array([0.1, 0.4, 0.0])
     data = LEG.model.createData()
@@ -96,28 +88,6 @@ def test_bodies_are_apart_by_the_rows_of_their_points(problem):
     distance = np.linalg.norm(problem.ball_centre(hit) - data.oMi[2].act(a))
     least = BALL.radius - 2.5e-3
     assert value == pytest.approx((distance**2 - least**2) / (2 * BALL.radius), abs=closed_form(10))
-
-
-def test_the_cost_beside_the_torques_is_the_jerk_the_ends_and_the_share(problem):
-    splines, rest = problem.splines, np.array([0.1, 0.2, -0.1])
-    cost, draw = problem._cost(rest, None), np.random.default_rng(2)
-    c = draw.normal(size=(splines.size, 3))
-    x = c.ravel() - cost.centre
-    value = 0.5 * x @ (cost.quadratic @ x) + cost.slope @ np.append(c.ravel(), 0.7)
-    jerk = 0.0
-    for spline, grid in zip(splines.motion(c - rest), splines.grids, strict=True):
-        middles = (grid[1:] + grid[:-1]) / 2
-        jerk += np.diff(grid) @ (spline(middles, 3) ** 2).sum(axis=1)
-    ends = ENDS * (np.sum((c[0] - rest) ** 2) + np.sum((c[-1] - rest) ** 2))
-    right = 0.5 * (JERK[False] / 3 * jerk + ends) - 0.7 * SHARE
-    assert value == pytest.approx(right, rel=closed_form(1e4))
-    near, plain = draw.normal(size=c.shape), cost
-    cost = problem._cost(rest, near)  # both are 0 for c = 0, but for a constant
-    pulled = 0.5 * c.ravel() @ ((cost.quadratic - plain.quadratic) @ c.ravel())
-    pulled += (cost.slope[:-1] + plain.quadratic @ plain.centre) @ c.ravel()
-    right = 0.5 * NEARNESS * (np.sum((c - near) ** 2) - np.sum(near**2))
-    assert pulled == pytest.approx(right, rel=closed_form(1e4))
-    assert problem.stand(rest, at_ball=False) == pytest.approx(rest, abs=1e-3)  # can be held
 
 
 def test_derivatives_of_blocks_are_differences():

@@ -138,7 +138,6 @@ def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
 
 @pytest.mark.parametrize(("goal", "options", "words"), [
     (kd.Goal(30, time=1.5), {"objective": "beauty"}, "beauty.*joint-speed, joint-impulse"),
-    (kd.Goal(15, time=1), {"objective": "torque-squared"}, "torque-squared"),
     (kd.Goal(15, time=1), {"objective": "joint-speed", "motion": True}, "motion=True"),
     (kd.Goal(15, time=1), {"limits": False, "motion": True}, "limits is False"),
     (kd.Goal(15, time=1), {"motion": "two"}, "motion is 'two'.*both-feet"),

@@ -6,7 +6,6 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from random_scenes import random_scene
 from tolerances import agrees, closed_form, differenced, integrated
@@ -14,7 +13,6 @@ from tolerances import agrees, closed_form, differenced, integrated
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.flight.forces import acceleration_function
-from kickdyn.impact.collide import duration
 from kickdyn.scene import launch_and_end as module
 
 LAUNCH = kd.BallState((0, 0, 1), (12, 1, 5), (10, -40, 15))
@@ -47,45 +45,6 @@ def test_the_error_of_a_contact_time_is_unknown_with_constraints_or_soft_drives(
     for leg in (scene.leg.with_stiff_joints("ankle"), scene.leg.with_drives({"ankle": drive})):
         held = replace(scene, posture=leg.posture(scene.q))
         assert module.contact_time_error(held, hit) == module.UNKNOWN
-
-
-def test_the_error_of_collide_is_its_tolerance_times_a_factor():
-    launch = kd.BallState((0, 0, 0), (3, 0, 4), (0, 0, 6))
-    error = module.collision_error(scene_of(ball=kd.Ball(radius=0.5)), launch, 1e-4)
-    assert error == pytest.approx(module.COLLIDE_SAFETY * 1e-4 * np.array([5, 10, 0.5]))
-
-
-def test_the_error_of_a_contact_time_is_the_change_of_a_strike_at_its_end_and_middle():
-    leg = kd.Leg.human()
-    posture = leg.posture(np.radians([5, 10, -5]))
-    v, contact = posture.joint_velocity([9, 0, 4]), kd.Contact((2, 0, 1), 0.8, 0.4)
-    scene = kd.Scene(posture, v, kd.Ball(), contact, kd.Compliance(contact_time=0.01))
-    hit = module.strike_scene(scene)
-    time = 1.5 * duration(hit.approach, **scene.law.options)
-    model, data = leg.model, leg.model.createData()
-    model.gravity = pin.Motion.Zero()  # it has a term of its own
-    acceleration, changes = pin.aba(model, data, scene.q, scene.v, np.zeros(3)), []
-    for fraction in (1.0, 0.5):
-        change = fraction * time * 0.5 * (hit.v_before + hit.v_after)
-        turn = change @ [-1.0, 1.0, 1.0]  # about y, by hip, knee and ankle
-        normal = pin.rpy.rpyToMatrix(0.0, turn, 0.0) @ contact.normal
-        moved, speed = leg.posture(scene.q + change), v + fraction * time * acceleration
-        after = kd.strike(moved, speed, kd.Ball(), replace(contact, normal=normal)).ball_after
-        turned = size(after.spin - hit.ball_after.spin)
-        changes.append([size(after.velocity - hit.ball_after.velocity), turned])
-    dv, dw = np.max(changes, axis=0)
-    right = [
-        module.VELOCITY_SAFETY * dv + GRAVITY * time,
-        module.SPIN_SAFETY * dw + GRAVITY * time / scene.ball.radius,
-        time * (hit.ball_after.speed + dv),
-    ]
-    error = module.contact_time_error(scene, hit)
-    assert error[:3] == pytest.approx(right, rel=closed_form(1e4))
-    stronge = kd.strike(posture, v, kd.Ball(), contact, "stronge").ball_after
-    right[0] += module.VELOCITY_SAFETY * size(stronge.velocity - hit.ball_after.velocity)
-    right[1] += module.VELOCITY_SAFETY * size(stronge.spin - hit.ball_after.spin)
-    assert module.with_law(scene, hit, error)[:3] == pytest.approx(right, rel=closed_form(1e4))
-    assert module.contact_time_error(scene, hit, 0.1).velocity == math.inf
 
 
 @pytest.mark.parametrize(("q", "normal", "velocity", "time", "below"), [

@@ -30,7 +30,6 @@ def test_the_ball_touches_the_contact_point_and_its_way_to_the_plane_is_level():
     ({"law": kd.Compliance(stiffness="pressure")}, "pressure is None"),
     ({"ball": kd.Ball(mass=np.inf)}, "mass"), ({"uncertainty": np.nan}, "uncertainty is nan"),
     ({"uncertainty": {"q": np.nan}}, "uncertainty of q is nan"),
-    ({"uncertainty": {"friction": None}}, "uncertainty of friction is None"),
     ({"uncertainty": {1: 2}}, "uncertainty of 1 is unknown: choose q, v"),
     ({"wall": kd.Wall(9, 1)}, "without a plane"),
     ({"wall": kd.Wall(9, 1), "plane": kd.Plane((3, 4, 7), (-1, 0, 0))}, "wall is at 9 m"),

@@ -219,13 +219,8 @@ def chromium(tmp_path):
             "--virtual-time-budget=3000 --enable-logging=stderr --v=0"
         )
         profile = f"--user-data-dir={tmp_path / 'profile'}"
-        done = subprocess.run(
-            [browser, *flags.split(), profile, *options, url],
-            capture_output=True,
-            text=True,
-            timeout=3600,
-            check=True,
-        )
+        command = [browser, *flags.split(), profile, *options, url]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=3600, check=True)
         complaints = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
         assert complaints == []
         return done.stdout

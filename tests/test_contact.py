@@ -31,16 +31,11 @@ def test_normal_of_any_length_becomes_a_unit_vector(scale):
     assert normal == pytest.approx([math.sqrt(0.5), 0, -math.sqrt(0.5)], abs=4 * EPSILON)
 
 
-def test_a_contact_keeps_copies_that_cannot_be_changed():
+def test_a_contact_keeps_copies_of_its_vectors():
     normal, offset = np.array([0.0, 0.0, 1.0]), np.array([0.1, 0.0, 0.02])
     contact = kd.Contact(normal, 0.5, offset=offset)
     normal[0] = offset[0] = 9
     assert (contact.normal.tolist(), contact.offset.tolist()) == ([0, 0, 1], [0.1, 0.0, 0.02])
-    for array in (contact.normal, contact.offset):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 1
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        contact.friction = 0.1
 
 
 def test_an_impact_needs_a_normal():

@@ -58,11 +58,9 @@ def run_command(line):
 
 @pytest.mark.parametrize("page", named({page.stem: page for page in SNIPPETS}))
 def test_snippets_run_and_print_the_numbers_shown(page, tmp_path):
-    """Blocks of a page run one after the other, as a reader would run them.
+    """As a reader would run them; in the guides also `sh` blocks and commands after a `$`.
 
-    In the tutorial and the how-to guides these are the commands of `sh` blocks too, and those whose
-    output is shown after a `$`. Blocks of `bash` are not run: they take long, or need files that
-    the repository does not contain.
+    Blocks of `bash` are not run: they take long, or need files of others.
     """
     for folder in ("urdf", "scenes", "data"):
         shutil.copytree(ROOT / folder, tmp_path / folder)

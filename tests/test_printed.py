@@ -57,20 +57,12 @@ FORMULAS = {
     ("plan", "objective joint-speed"):
         lambda plan: np.mean((plan.v / plan.leg.velocity_limit) ** 2),
     ("reach", "-10, 20 deg"): lambda reach: (21.43, 31.3, 44.3),
-    **{
-        (name, axis): lambda shown, of=of, k=k: of(shown)[k]
-        for name, of in (
-            ("library", lambda library: library.reader.lower),
-            ("library kick", lambda kick: kick.point),
-        )
-        for k, axis in enumerate(AXES)
-    },
-    **{
-        ("library kick", row): lambda kick, unit=unit: min(
-            value for name, value in kick.margins.items() if name.partition(" [")[2] == unit
-        )
-        for row, unit in (("least margin", ""), ("least distance", "m]"), ("least angle", "rad]"))
-    },
+    **{("library", axis): lambda library, k=k: library.reader.lower[k]
+       for k, axis in enumerate(AXES)},
+    **{("library kick", axis): lambda kick, k=k: kick.point[k] for k, axis in enumerate(AXES)},
+    **{("library kick", row): lambda kick, unit=unit: min(
+        value for name, value in kick.margins.items() if name.partition(" [")[2] == unit)
+       for row, unit in (("least margin", ""), ("least distance", "m]"), ("least angle", "rad]"))},
     ("library", "motions"): lambda library: len(library.reader.arrays["coefficients"]),
     ("library", "covered share of the ranges"): lambda library: library.covered,
     ("leg motion", "contact"): lambda motion: (0.14, 0.0014),

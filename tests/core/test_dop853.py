@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import DOP853
 from tolerances import agrees, closed_form
 
-from kickdyn.core.dop853 import COUNT, STAGES, WEIGHT, WHICH_RATE, keep_stages
+from kickdyn.core.dop853 import COUNT, STAGES, WEIGHT, WHICH_RATE
 
 
 def rates(t, y):
@@ -32,12 +32,3 @@ def test_a_step_by_the_table_is_scipys():
     rounding = closed_form() * np.abs(k).max()
     np.testing.assert_allclose(weighted(STAGES + 1), k.T @ DOP853.E5, rtol=0, atol=rounding)
     np.testing.assert_allclose(weighted(STAGES + 2), k.T @ DOP853.E3, rtol=0, atol=rounding)
-
-
-def test_kept_stages_interpolate_the_step_before():
-    solver = DOP853(rates, 0.0, np.array([0.3, -0.2]), 10.0, rtol=1e-8)
-    solver.step()
-    kept, t = keep_stages(solver), 0.6 * solver.t
-    right = solver.dense_output()(t)
-    solver.step()
-    agrees(kept.dense_output()(t), right, closed_form())

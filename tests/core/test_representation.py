@@ -41,7 +41,7 @@ def test_distances_have_two_digits_and_a_unit(distance, words):
     assert distance_in_words(distance) == words
 
 
-def test_contacts_and_states_are_equal_by_value_and_their_copies_read_only():
+def test_contacts_and_states_are_equal_by_value():
     pairs = (
         (kd.Contact((0, 0, 5), 0.8), kd.Contact([0.0, 0.0, 1.0], 0.8, offset=None)),
         (kd.BallState((-0.0, 1, 0)), kd.BallState(np.array([0.0, 1, 0]))),
@@ -51,9 +51,6 @@ def test_contacts_and_states_are_equal_by_value_and_their_copies_read_only():
         assert one == other == copy.deepcopy(one)
         assert hash(one) == hash(other)
         assert one != 0.8
-        arrays = [value for value in vars(copy.copy(one)).values() if isinstance(value, np.ndarray)]
-        assert arrays
-        assert not any(array.flags.writeable for array in arrays)
     for other in (((0, 0, 1), 0.8, 0.0, (0, 0, 0)), ((0, 1, 0), 0.8), ((0, 0, 1), 0.7),
                   ((0, 0, 1), 0.8, 0.1)):  # fmt: skip
         assert pairs[0][0] != kd.Contact(*other)

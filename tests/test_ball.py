@@ -64,11 +64,6 @@ def test_refusals(arguments, words):
         kd.Ball(**arguments)
 
 
-def test_stiffness_needs_a_pressure():
-    with pytest.raises(kd.InvalidInput, match=r"ball pressure is None.*pressure=80e3"):
-        kd.Ball().stiffness  # noqa: B018
-
-
 @pytest.mark.parametrize("values", [(430, 0.11), (5.01, 0.11), (0.43, 11), (0.43, 0.501)])
 def test_a_ball_in_grams_or_centimetres_is_warned_of(values):
     (line,) = kd.Ball(*values).warnings

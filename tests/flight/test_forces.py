@@ -63,6 +63,7 @@ def test_a_ball_that_moves_with_the_wind_feels_neither_drag_nor_lift(velocity):
 
 
 SPIN, STILL = np.array([0.0, 1.0, 0.0]), np.zeros(3)
+SPEED = st.floats(-1e3, 1e3)
 
 
 @pytest.mark.parametrize(("air", "spin", "closed", "braked"), [
@@ -77,14 +78,6 @@ SPIN, STILL = np.array([0.0, 1.0, 0.0]), np.zeros(3)
 def test_a_closed_form_answers_where_only_weight_acts(air, spin, closed, braked):
     assert is_ballistic(air, spin) is closed
     assert brakes(air, spin) is braked
-
-
-SPEED = st.floats(-1e3, 1e3)
-
-
-def exact_time(rise, drop, g):
-    with mp.workdps(50):
-        return float((mpf(rise) + mp.sqrt(mpf(rise) ** 2 + 2 * mpf(g) * mpf(drop))) / mpf(g))
 
 
 @pytest.mark.parametrize(("rise", "drop", "g", "time"), [
@@ -108,7 +101,9 @@ def test_a_flight_in_a_vacuum_is_the_formula(vx, vy, rise, drop):
     assume(rise == 0 or abs(rise) > 1e-6)
     launch = kd.BallState((1, 2, BALL.radius + drop), (vx, vy, rise), (3, 4, 5))
     path = kd.fly(launch, BALL, ground=kd.Ground(), time_limit=1e9)
-    t = exact_time(rise, float(launch.position[2]) - BALL.radius, 9.81)
+    fall, g = mpf(float(launch.position[2]) - BALL.radius), mpf(9.81)
+    with mp.workdps(50):
+        t = float((mpf(rise) + mp.sqrt(mpf(rise) ** 2 + 2 * g * fall)) / g)
     exact = {"rel": closed_form(10), "abs": closed_form(10)}
     assert path.duration == pytest.approx(t, rel=closed_form(10))
     assert path.range == pytest.approx(math.hypot(vx, vy) * t, **exact)

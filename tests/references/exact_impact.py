@@ -106,13 +106,9 @@ def coulomb(
     It is that of a sticking contact where this is inside the cone, else that of the direction of
     sliding that loses most energy. The tangential part may be far below the whole's last digit.
 
-    Args:
-        delassus: matrix of the leg.
-        of_ball: entries of the ball's matrix, two tangential ones and the normal one.
-        u: velocity at the contact.
-        n: normal.
-        closing: component of u along the normal, which a fast spin would drown.
-        coefficients: restitution and friction.
+    Given are the leg's Delassus matrix, two tangential entries and the normal one of the ball's,
+    the velocity u at the contact, the normal, the component of u along it, which a fast spin would
+    drown, and restitution and friction.
     """
     e, mu = coefficients
     least = min(range(3), key=lambda i: abs(n[i]))

@@ -51,13 +51,6 @@ def test_a_leg_is_that_of_pinocchio(seed):
     assert length(exact.inertia @ solved - right) < TINY
 
 
-@pytest.mark.parametrize("supports", [(), ("FL_FOOT",)])
-def test_legs_with_other_joints_or_constraints_are_refused(supports):
-    leg = kd.Leg.from_robot("bolt", base="floating")
-    with pytest.raises(kd.InvalidInput, match=r"joints of one angle|free legs"):
-        leg_numbers(leg.with_supports(*supports) if supports else leg)
-
-
 # --- impacts ------------------------------------------------------------------------------------
 
 

@@ -1,17 +1,24 @@
-"""Planned kicks carried out in MuJoCo: corrected twice, and with seeded noise.
+"""Planned kicks carried out in MuJoCo: with a plate and the own foot, corrected, and with noise.
 
     python benchmarks/kicks_in_mujoco.py [g1-7.9 g1-9.4 g1-11.4 talos humanoid] [--runs 50]
+    python benchmarks/kicks_in_mujoco.py t1 --t1 booster_gym/resources/T1/T1_serial.urdf
 
 A line for each kick as it was planned, and after two corrections: errors of the ball's speed and
 direction, miss of the target and of the planned flight 3 m away, whether the robot stands 1 s
-later, and processor time. Then the corrected kick in runs with the noise of `kd.KickNoise()`
-(masses 2 %, friction 10 %, commands up to 5 ms late, place of the ball 5 mm): how many robots
-stand, and how the balls scatter.
+later, and processor time. A plate at the contact point strikes the ball, or the robot's own foot;
+a kick corrected with the plate is also carried out with the own foot. Then, for the kick corrected
+with the own foot, a table of both errors with the ball displaced, and runs with the noise of
+`kd.KickNoise()` (masses 2 %, friction 10 %, commands up to 5 ms late, place of the ball 5 mm): how
+many robots stand, and how the balls scatter.
+
+T1 is Booster's, of github.com/BoosterRobotics/booster_gym, without rotors, on its left foot, its
+arms spread.
 """
 
 import argparse
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +31,15 @@ HANDS = {"arm_*_[567]_joint": 0.0, "*gripper*": 0.0, "head_*": 0.0}
 NEAR = 3.0
 """Distance at which the balls are compared with the planned flight [m]."""
 
-TOE = kd.Contact(friction=0.4, offset=(0.1, 0.0, 0.1))
+TOE = kd.Contact(friction=0.4, offset=(0.066, -0.0135, 0.133))
+"""A point of the humanoid's foot, a sphere of 75 mm, where the ball of its kick meets it."""
+
+DISPLACED = 0.0, 0.01, 0.02, 0.05
+"""Displacements of the ball [m]."""
+
+SPREAD = {"*Head*": 0.0, "*Elbow*": 0.0, "*Shoulder_Pitch": 0.0} | {
+    "Left_Shoulder_Roll": -1.3, "Right_Shoulder_Roll": 1.3
+}  # fmt: skip
 
 
 def g1() -> kd.Leg:
@@ -47,12 +62,20 @@ def humanoid() -> kd.Leg:
     return kd.Leg.from_mjcf(file, "right_foot", base="floating").with_supports("left_foot")
 
 
+def t1(file: str) -> kd.Leg:
+    """Return Booster's T1 on its left foot; it kicks with its toe."""
+    robot = kd.Leg.from_urdf(
+        file, "right_foot_link", base="floating", drives=False, locked=SPREAD
+    )  # fmt: skip
+    return kd.kick_with(robot, "toe").with_supports(kd.Support("left_foot_link", friction=0.7))
+
+
 CASES = {
     "g1-7.9": (g1, kd.Goal(3, time=0.4), None),
     "g1-9.4": (g1, kd.Goal(3.5, time=0.387), None),
     "g1-11.4": (g1, kd.Goal(5, time=0.46), None),
     "talos": (talos, kd.Goal(3, time=0.4), None),
-    "humanoid": (humanoid, kd.Goal(1.5, time=0.4), TOE),
+    "humanoid": (humanoid, kd.Goal(1.2, time=0.22), TOE),
 }
 
 
@@ -80,26 +103,64 @@ def miss_at(run: kd.MujocoRun, distance: float) -> float:
     return float(np.linalg.norm(ends[1] - ends[0]))
 
 
+def displaced(plan: kd.KickPlan, place: np.ndarray) -> kd.KickPlan:
+    """Return a plan whose ball lies aside by `place`, shape `(3,)` [m], which the robot ignores."""
+    approach = plan.impact.approach
+    ball = replace(approach.ball_before, position=approach.ball_before.position + place)
+    return replace(plan, impact=replace(plan.impact, approach=approach._replace(ball_before=ball)))
+
+
+def print_displacements(plan: kd.KickPlan, tuning: kd.MujocoTuning) -> None:
+    """Print errors of speed and direction with displaced balls, with plate and own foot."""
+    ahead = plan.aim.ahead
+    left = np.cross((0.0, 0.0, 1.0), ahead)
+    sides = {"ahead": ahead, "back": -ahead, "left": left, "right": -left}
+    print("  | ball | plate | own foot |\n  |---|---|---|")
+    for distance in DISPLACED:
+        for side, along in sides.items() if distance else [("in its place", ahead)]:
+            moved = displaced(plan, distance * along)
+            errors = []
+            for foot in ("plate", "shapes"):
+                run = kd.run_in_mujoco(moved, tuning=tuning, foot=foot)
+                angle = math.degrees(run.direction_error)
+                errors.append("missed" if run.path is None else
+                              f"{run.speed_error:+.1%}, {angle:.1f}°")  # fmt: skip
+            where = f"{100 * distance:g} cm {side}" if distance else side
+            print(f"  | {where} | {' | '.join(errors)} |", flush=True)
+
+
 def main() -> None:
     """Print the lines of each kick."""
     parser = argparse.ArgumentParser()
     parser.add_argument("cases", nargs="*", default=list(CASES))
     parser.add_argument("--runs", type=int, default=50)
+    parser.add_argument("--t1", metavar="URDF", help="the file of T1, for the case t1")
     arguments = parser.parse_args()
+    cases = CASES | {"t1": (lambda: t1(arguments.t1), kd.Goal(1, time=0.3), None)}
     for name in arguments.cases:
-        make, goal, contact = CASES[name]
+        make, goal, contact = cases[name]
         start = time.process_time()
         plan = kd.plan_kick(make(), goal, BALL, AIR, contact=contact, motion=True)
         planned = time.process_time() - start
         print(f"{name}, {plan.launch.speed:.2f} m/s: {plan.status}, {planned:.0f} s", flush=True)
-        print(f"  as planned: {describe(kd.run_in_mujoco(plan))}", flush=True)
-        start = time.process_time()
-        plan = kd.refine_kick(plan, rounds=2, by="mujoco")
-        corrected = time.process_time() - start
-        run = kd.run_in_mujoco(plan)
-        print(f"  corrected twice, {corrected:.0f} s: {describe(run)}", flush=True)
+        tuning = kd.run_in_mujoco(plan).tuning
+        corrected = {"planned": plan}
+        for foot, text in (("plate", "a plate"), ("shapes", "the own foot")):
+            start = time.process_time()
+            corrected[foot] = kd.refine_kick(plan, rounds=2, by="mujoco", foot=foot)
+            print(f"  corrected twice with {text}: {time.process_time() - start:.0f} s", flush=True)
+        for text, plan, foot in (
+            ("as planned, a plate", corrected["planned"], "plate"),
+            ("as planned, the own foot", corrected["planned"], "shapes"),
+            ("corrected with a plate, a plate", corrected["plate"], "plate"),
+            ("corrected with a plate, the own foot", corrected["plate"], "shapes"),
+            ("corrected with the own foot", corrected["shapes"], "shapes"),
+        ):
+            run = kd.run_in_mujoco(plan, tuning=tuning, foot=foot)
+            print(f"  {text}: {describe(run)}", *run.doubts, sep="\n    ", flush=True)
+        print_displacements(plan, tuning)
         if arguments.runs:
-            print(kd.run_with_noise(plan, arguments.runs, tuning=run.tuning), flush=True)
+            print(kd.run_with_noise(plan, arguments.runs, tuning=tuning), flush=True)
 
 
 if __name__ == "__main__":

@@ -267,6 +267,11 @@ class PlanOutputOptions(OutputOptions):
         help="Carry it out N more times, with different masses, friction, delays and ball "
         "positions, and report how many robots stay upright and how the balls scatter.",
     )  # fmt: skip
+    foot: str | None = option(
+        "--foot", type=click.Choice(["shapes", "plate"]),
+        help="What strikes the ball in the simulator: the shapes of the robot's own foot, or a "
+        "plate at the contact point.  [default: shapes]",
+    )  # fmt: skip
 
     def check_motion(self, planned: bool, incoming: bool) -> None:
         """Raise `InvalidInput` for options that need a motion where none is planned."""
@@ -283,6 +288,8 @@ class PlanOutputOptions(OutputOptions):
                 raise InvalidInput(
                     f"--{name} is {count}: it needs a simulator, so add --run mujoco"
                 )
+        if self.foot is not None and self.run is None:
+            raise InvalidInput(f"--foot is {self.foot}: it needs a simulator, so add --run mujoco")
         if self.out is not None:
             check_motion_name(self.out)
 
@@ -386,13 +393,16 @@ def _carry_out(
     from kickdyn.simulators.refine_kick import refine_kick
     from kickdyn.simulators.run_in_mujoco import run_in_mujoco
 
+    foot = output.foot or "shapes"
     with busy("carrying the motion out in MuJoCo") as show:
         if output.corrections is not None:
             show("correcting the motion by MuJoCo")
-            planned = refine_kick(planned, rounds=output.corrections, by="mujoco")
-        run, noisy = run_in_mujoco(planned), None
+            planned = refine_kick(planned, rounds=output.corrections, by="mujoco", foot=foot)
+        run, noisy = run_in_mujoco(planned, foot=foot), None
         if output.noisy_runs is not None:
-            noisy = run_with_noise(planned, output.noisy_runs, tuning=run.tuning, progress=show)
+            noisy = run_with_noise(
+                planned, output.noisy_runs, tuning=run.tuning, progress=show, foot=foot
+            )
     return planned, run, noisy
 
 

@@ -98,11 +98,11 @@ def bodies_at(leg: Leg, frame: str, *, meshes: bool = True) -> list[Body]:
     """Return the convex shapes that a leg's file has at a frame, or those that are no meshes."""
     cache, key = _known.setdefault(leg, {}), (frame, meshes)
     if key not in cache:
-        cache[key] = [_body(frame, spheres) for spheres in shapes_of(leg, frame, meshes=meshes)]
+        cache[key] = [body_of(frame, spheres) for spheres in shapes_of(leg, frame, meshes=meshes)]
     return cache[key]
 
 
-def _body(frame: str, spheres: Spheres) -> Body:
+def body_of(frame: str, spheres: Spheres) -> Body:
     """Return a body: a sphere, a capsule of two spheres, or the hull of points without radii."""
     import coal  # takes a tenth of a second
 
@@ -115,15 +115,32 @@ def _body(frame: str, spheres: Spheres) -> Body:
         turn = rotation_between(np.array([0.0, 0.0, 1.0]), points[1] - points[0])
         length = float(np.linalg.norm(points[1] - points[0]))
         return Body(frame, coal.Capsule(radius, length), pin.SE3(turn, centre), reach)
-    points = points - centre
-    _, sizes, axes = np.linalg.svd(points)
+    corners = coal.StdVec_Vec3s()
+    corners.extend(list(thickened(points) - centre))
+    shape = coal.ConvexBase.convexHull(corners, True, "Qt")
+    return Body(frame, shape, pin.SE3(np.eye(3), centre), reach)
+
+
+def thickened(points: Array) -> Array:
+    """Return points whose hull is `THICKNESS` thick, where that of the points is flatter."""
+    centre = points.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(points - centre, full_matrices=False)
+    reach = float(np.linalg.norm(points - centre, axis=1).max())
     for axis in axes[sizes <= THICKNESS * sizes[0]]:
         step = 0.5 * THICKNESS * reach * axis
         points = np.vstack([points - step, points + step])
-    corners = coal.StdVec_Vec3s()
-    corners.extend(list(points))
-    shape = coal.ConvexBase.convexHull(corners, True, "Qt")
-    return Body(frame, shape, pin.SE3(np.eye(3), centre), reach)
+    return points
+
+
+def ball_proximity(body: Body, centre: Array, radius: float) -> Proximity:
+    """Return depth, point and normal of a body in a ball at a place, all in the body's frame."""
+    import coal
+
+    pose, turn = coal.Transform3s(body.pose.rotation, body.pose.translation), np.eye(3)
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    ball = coal.Sphere(radius), coal.Transform3s(turn, centre)
+    coal.distance(body.shape, pose, *ball, request, result)
+    return Proximity(-result.min_distance, result.getNearestPoint1(), result.normal)
 
 
 class Placed:

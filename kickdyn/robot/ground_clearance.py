@@ -135,7 +135,7 @@ def _read(leg: Leg, frame: str, *, meshes: bool) -> tuple[list[Spheres], str]:
         return [], ""
 
     def spanned(visuals: list[Visual]) -> list[Spheres | str]:
-        return [_spheres(file, item) for item in visuals if meshes or item.shape != Shape.MESH]
+        return [spheres_of(file, item) for item in visuals if meshes or item.shape != Shape.MESH]
 
     drawn = file.visuals_by_frame.get(frame, [])
     shapes = spanned(drawn)
@@ -146,10 +146,10 @@ def _read(leg: Leg, frame: str, *, meshes: bool) -> tuple[list[Spheres], str]:
 
 
 _known: WeakKeyDictionary[Visual, Spheres | str] = WeakKeyDictionary()
-"""What `_spheres` returned before: reading a mesh takes a tenth of a second."""
+"""What `spheres_of` returned before: reading a mesh takes a tenth of a second."""
 
 
-def _spheres(file: RobotFile, visual: Visual) -> Spheres | str:
+def spheres_of(file: RobotFile, visual: Visual) -> Spheres | str:
     """Return spheres that span a visual, in its frame's axes, or why it cannot be read."""
     if visual not in _known:
         try:

@@ -113,8 +113,18 @@ class MjcfFile(RobotFile):
         hidden = (compiled.geom_group >= 3) & (compiled.geom_bodyid > 0)
         return self._shapes(compiled, np.flatnonzero(hidden).tolist())
 
-    def _shapes(self, compiled: Any, geoms: Iterable[int]) -> list[Visual]:
-        """Return the shapes of geoms, those that are transparent and planes left out."""
+    def contacts(self) -> list[Visual]:
+        """Return the geoms that collide, by `contype` and `conaffinity`, or by their group."""
+        compiled = self.compile()
+        collides = (compiled.geom_priority != -1) | (compiled.geom_solmix != 0.0)
+        collides |= compiled.geom_group >= 3
+        geoms = np.flatnonzero(collides & (compiled.geom_bodyid > 0)).tolist()
+        return self._shapes(compiled, geoms, transparent=True)
+
+    def _shapes(
+        self, compiled: Any, geoms: Iterable[int], *, transparent: bool = False
+    ) -> list[Visual]:
+        """Return the shapes of geoms without planes, and with `transparent` ones if wanted."""
         shapes = []
         for number in geoms:
             geom = compiled.geom(number)
@@ -122,7 +132,7 @@ class MjcfFile(RobotFile):
             rgba, material = geom.rgba.tolist(), int(compiled.geom_matid[number])
             if material >= 0 and rgba == [0.5, 0.5, 0.5, 1.0]:  # the default gives way
                 rgba = compiled.mat_rgba[material].tolist()
-            if kind not in _SHAPES or rgba[3] == 0.0:
+            if kind not in _SHAPES or (rgba[3] == 0.0 and not transparent):
                 continue
             shape, vertices, faces = _SHAPES[kind], None, None
             if shape in (Shape.CAPSULE, Shape.CYLINDER):
@@ -285,7 +295,9 @@ def _take_meshes(root: Element, files: PackageFiles, home: Path) -> dict[str, by
 def _keep_mechanics(root: Element) -> None:
     """Remove sections without mechanics and refuse unsupported elements; only meshes name files.
 
-    Geoms collide with nothing, which spares MuJoCo their convex hulls.
+    Geoms collide with nothing, which spares MuJoCo their convex hulls. Their masks become settings
+    of contacts that are inherited in the same way: `contype` the `priority`, which is 0 by default
+    where the mask is 1, and `conaffinity` the `solmix`.
     """
     for section in list(root):
         if section.tag not in (*REFUSED, *SECTIONS):
@@ -308,7 +320,7 @@ def _keep_mechanics(root: Element) -> None:
             element.attrib.pop("sensornoise", None)  # MuJoCo has no such flag any more
         for child in element:
             if child.tag == "geom" and element.tag != "spatial":  # a tendon only names its geoms
-                child.attrib.update(contype="0", conaffinity="0")
+                _hide_masks(child)
             if element.tag != "asset":
                 child.attrib.pop("file", None)
     for compiler in root.iter("compiler"):
@@ -316,6 +328,19 @@ def _keep_mechanics(root: Element) -> None:
     # at the end: it holds for the whole model; bodies and geoms keep their names
     fixed = {"fusestatic": "false", "discardvisual": "false", "usethread": "false"}
     root.append(Element("compiler", fixed))
+
+
+def _hide_masks(geom: Element) -> None:
+    """Let a geom, or the default of one, collide with nothing, see `_keep_mechanics`."""
+    for name in ("priority", "solmix"):
+        geom.attrib.pop(name, None)
+    for mask, name, change in (("contype", "priority", -1), ("conaffinity", "solmix", 0)):
+        if (text := geom.get(mask)) is not None:
+            try:
+                geom.set(name, str(int(text) + change))
+            except ValueError:
+                raise ValueError(f"has a geom of {mask} {text[:40]!r}: it is an integer") from None
+        geom.set(mask, "0")
 
 
 def _count_elements(element: Element) -> int:

@@ -7,7 +7,6 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.ball import BallState
-from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
@@ -24,10 +23,10 @@ from kickdyn.simulators.mujoco_kick import (
     ball_spin,
     load_mujoco,
     pair,
-    quaternion,
     row,
     write_bodies,
 )
+from kickdyn.simulators.striking_foot import StrikingFoot, plate
 from kickdyn.simulators.tune_mujoco import MujocoTuning
 
 POSITION_GAIN = 8.0
@@ -40,18 +39,14 @@ controller pushes the foot on while the ball brakes it, and the ball gets up to 
 LARGEST_TILT, LEAST_HEIGHT = math.radians(45.0), 0.7
 """Tilt of the trunk [rad], and height of the base over its planned one, of an upright robot."""
 
-HALF_PLATE = 0.05
-"""Half the width of the plate at the contact point, which strikes the ball [m]."""
-
-TOUCHABLE = 0.1
-"""Time before the planned impact from which on the foot can touch the ball [s]. Its plate is wider
-than the foot and may be inside a ball beside which the robot stands at first."""
-
 PARKING_HEIGHT = 100.0
 """Height at which an untouchable ball is [m]."""
 
 CORNER_RADIUS = 5e-3
 """Radius of the spheres at the corners of the sole [m]."""
+
+BURIED = 5e-3
+"""Depth under the ground at which the kicking foot may begin [m]: more would throw the robot up."""
 
 PRESSED = 1e-9
 """Depth of the sole in the floor at first [m]: with less, rounding decides which corners touch."""
@@ -73,8 +68,10 @@ class MujocoField:
         standing: StandingRobot | None,
         tuning: MujocoTuning,
         disturbance: Disturbance,
+        foot: StrikingFoot | None = None,
     ) -> None:
-        self.disturbance = disturbance
+        self.disturbance, self.warnings = disturbance, list[str]()
+        self.foot = plate(impact) if foot is None else foot
         self.mujoco, self.motion, self.impact = load_mujoco(), motion, impact
         self.standing, self.timestep = standing, tuning.timestep
         robot = motion.robot
@@ -96,7 +93,8 @@ class MujocoField:
         self.mujoco.mj_setConst(self.model, self.data)
         self.addresses = [int(self.model.joint(name).qposadr[0]) for name in self.joints]
         self.rates = [int(self.model.joint(name).dofadr[0]) for name in self.joints]
-        self.plate, self.sole = self.model.geom("plate").id, range(0)
+        self.striking = [self.model.geom(name).id for name in self.foot.names]
+        self.sole = range(0)
         if standing is not None:
             index = self.model.geom("sole 0").id
             self.sole = range(index, index + len(self.corners))
@@ -117,31 +115,18 @@ class MujocoField:
         """Return the model in MJCF."""
         robot, ball, contact = self.motion.robot, self.impact.ball, tuning.contact
         contact = contact._replace(friction=self.disturbance.ball_friction * contact.friction)
-        model, posture = robot.model, self.impact.posture
-        normal = posture.rotation_world_joint.T @ self.impact.contact.normal
-        face = rotation_between(np.array([0.0, 0.0, 1.0]), normal)
-        geoms = {
-            robot.contact_joint: '<geom name="plate" type="box" '
-            f'size="{HALF_PLATE} {HALF_PLATE} 0.005" quat="{quaternion(face)}" '
-            f'pos="{row(posture.contact_lever - 0.005 * normal)}"/>'
-        }
-        pairs, floor = pair(contact, "plate"), ""
+        model, geoms = robot.model, {robot.contact_joint: self.foot.geoms}
+        pairs, floor = "".join(pair(contact, name) for name in self.foot.names), ""
         if self.standing is not None:
             floor = '<geom name="floor" type="plane" size="9 9 1"/>'
             support, level = self.standing.support, self.standing.placement.rotation[2]
             frame = model.frames[frame_id(model, support.frame)]
             corners = [frame.placement.act(c + CORNER_RADIUS * level) for c in self.corners]
             radii = np.full(len(corners), CORNER_RADIUS)
-            foot = joint_spheres(robot, robot.contact_joint)
-            extremes, _ = extreme_spheres(foot)
             mu = self.friction
             for name, joint, body in (
                 ("sole", int(frame.parentJoint), Spheres(np.array(corners), radii)),
-                (
-                    "foot",
-                    robot.contact_joint,
-                    Spheres(foot.centres[extremes], foot.radii[extremes]),
-                ),
+                ("foot", robot.contact_joint, self._foot_on_floor()),
             ):
                 for number, centre in enumerate(body.centres):
                     radius = max(float(body.radii[number]), LEAST_RADIUS)
@@ -161,6 +146,7 @@ class MujocoField:
         return f"""<mujoco>
   {COMPILER}
   <default><geom contype="0" conaffinity="0"/></default>
+  <asset>{self.foot.assets}</asset>
   <option gravity="{row(model.gravity.linear)}" timestep="{self.timestep!r}" \
 integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10"/>
   <worldbody>
@@ -172,6 +158,22 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
   <contact>{pairs}</contact>
   <actuator>{motors}</actuator>
 </mujoco>"""
+
+    def _foot_on_floor(self) -> Spheres:
+        """Return the spheres of the kicking foot that the floor holds up, in its joint's axes."""
+        robot, motion = self.motion.robot, self.motion
+        foot = joint_spheres(robot, robot.contact_joint)
+        extremes, _ = extreme_spheres(foot)
+        foot, data = Spheres(foot.centres[extremes], foot.radii[extremes]), robot.model.createData()
+        pin.forwardKinematics(robot.model, data, motion.q(motion.begin))
+        depth = -foot.moved(data.oMi[robot.contact_joint].homogeneous).lowest
+        if depth <= BURIED:
+            return foot
+        self.warnings.append(
+            f"the kicking foot begins {1e3 * depth:.0f} mm under the ground: the floor does not "
+            "hold it up"
+        )
+        return Spheres(foot.centres[:0], foot.radii[:0])
 
     @property
     def corners(self) -> Array:
@@ -207,13 +209,13 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
     def set_ball(self, t: float) -> Array:
         """Put the ball where it is at a time [s] before the contact; return this place, `(3,)`.
 
-        It is out of reach until `TOUCHABLE` before the impact.
+        It is out of reach until the foot can touch it.
         """
         before, data = self.impact.ball_before, self.data
         place = before.position + t * before.velocity
         place[:2] += self.disturbance.place
         data.qpos[-7:] = [*place, 1.0, 0.0, 0.0, 0.0]
-        if t < -TOUCHABLE:
+        if t < -self.foot.touchable:
             data.qpos[-5] += PARKING_HEIGHT
         data.qvel[-6:] = [*before.velocity, *before.spin]
         return place
@@ -224,9 +226,9 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
         return BallState(data.qpos[-7:-4].copy(), data.qvel[-6:-3].copy(), ball_spin(data), t)
 
     def pushes(self) -> bool:
-        """Return whether the plate pushed the ball in the last step."""
+        """Return whether the foot pushed the ball in the last step."""
         contacts = self.data.contact
-        rows = contacts.efc_address[np.any(contacts.geom == self.plate, axis=1)]
+        rows = contacts.efc_address[np.isin(contacts.geom, self.striking).any(axis=1)]
         return bool((rows >= 0).any() and (self.data.efc_force[rows] > 0.0).any())
 
     def sole_load(self) -> Array:

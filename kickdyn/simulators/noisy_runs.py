@@ -14,6 +14,7 @@ from kickdyn.core.validation import Array
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.simulators.disturbance import KickNoise
 from kickdyn.simulators.run_in_mujoco import MujocoRun, run_in_mujoco
+from kickdyn.simulators.striking_foot import Foot
 from kickdyn.simulators.tune_mujoco import MujocoTuning
 
 MOST_RUNS = 10_000
@@ -108,6 +109,7 @@ def run_with_noise(
     noise: KickNoise | None = None,
     tuning: MujocoTuning | None = None,
     progress: Callable[[str], None] | None = None,
+    foot: str = Foot.SHAPES,
 ) -> NoisyRuns:
     """Carry out the motion of a plan with robots that differ from it, by the seeds from 0 on.
 
@@ -118,6 +120,7 @@ def run_with_noise(
         tuning: contact of foot and ball of an earlier run, such as `run.tuning`; None is the one of
             `run_in_mujoco`.
         progress: called with a line of text before each run.
+        foot: what strikes the ball, `shapes` or `plate`, as for `run_in_mujoco`.
 
     Raises:
         InvalidInput: as for `run_in_mujoco`.
@@ -136,7 +139,7 @@ def run_with_noise(
     for seed in range(runs):
         if progress is not None:
             progress(f"run {seed + 1} of {runs}")
-        done.append(run_in_mujoco(plan, tuning=tuning, seed=seed, noise=amount))
+        done.append(run_in_mujoco(plan, tuning=tuning, seed=seed, noise=amount, foot=foot))
         tuning = done[0].tuning
     return NoisyRuns(tuple(done), amount)
 

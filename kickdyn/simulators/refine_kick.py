@@ -18,6 +18,7 @@ from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, plan_launch
 from kickdyn.robot.standing import is_floating
 from kickdyn.simulators.run_in_mujoco import run_in_mujoco
+from kickdyn.simulators.striking_foot import Foot
 
 LARGEST_STEP = 1.5
 """Largest correction of a launch over its error."""
@@ -31,7 +32,12 @@ class Observer(StrEnum):
 
 
 @validation.check_arguments
-def refine_kick(plan: KickPlan, rounds: int = 2, by: str = Observer.COLLIDE) -> KickPlan:
+def refine_kick(
+    plan: KickPlan,
+    rounds: int = 2,
+    by: str = Observer.COLLIDE,
+    foot: str = Foot.SHAPES,
+) -> KickPlan:
     r"""Correct the commanded launch of a plan by the ball that a contact of 10 ms gives.
 
     `strike`, by which kicks are planned, has no duration. In a real contact the foot turns under
@@ -51,6 +57,8 @@ def refine_kick(plan: KickPlan, rounds: int = 2, by: str = Observer.COLLIDE) -> 
         plan: with a `motion`.
         rounds: number of corrections, 1 to 10.
         by: `collide`, or `mujoco` for `run_in_mujoco` with its default contact.
+        foot: what strikes the ball by `mujoco`, `shapes` or `plate`, as for `run_in_mujoco`;
+            `collide` has a plane and needs none.
 
     Returns:
         The plan, of all rounds and the first one, whose ball is nearest to :math:`v^*`.
@@ -62,12 +70,12 @@ def refine_kick(plan: KickPlan, rounds: int = 2, by: str = Observer.COLLIDE) -> 
         InvalidInput: a plan without a motion.
         KickdynError: a foot that misses the ball.
     """
-    chosen = validation.choice("by", by, Observer)
+    chosen, kind = validation.choice("by", by, Observer), validation.choice("foot", foot, Foot)
     validation.check_type(int, rounds=rounds)
     validation.number("rounds", rounds, at_least=1, at_most=10)
     if plan.motion is None:
         raise InvalidInput("the plan has no motion: plan it with plan_kick(..., motion=True)")
-    best, slope = _try(plan, chosen), np.eye(3)
+    best, slope = _try(plan, chosen, kind), np.eye(3)
     for _ in range(rounds):
         step = np.linalg.lstsq(slope, best.error)[0]
         size = float(np.linalg.norm(step))
@@ -75,7 +83,7 @@ def refine_kick(plan: KickPlan, rounds: int = 2, by: str = Observer.COLLIDE) -> 
             break
         step *= min(1.0, LARGEST_STEP * best.size / size)
         command = best.plan.impact.ball_after.velocity + step
-        tried = _try(replan_motion(best.plan, command), chosen)
+        tried = _try(replan_motion(best.plan, command), chosen, kind)
         slope += np.outer(best.error - tried.error - slope @ step, step) / (step @ step)
         best = min(best, tried, key=lambda one: one.size)
     corrected = replace(best.plan, corrected_by=chosen.value)
@@ -98,9 +106,9 @@ class _Tried(NamedTuple):
         return float(np.linalg.norm(self.error))
 
 
-def _try(plan: KickPlan, by: Observer) -> _Tried:
+def _try(plan: KickPlan, by: Observer, foot: Foot) -> _Tried:
     """Return the plan with the error of its ball's velocity."""
-    ball = _observe(plan, by)
+    ball = _observe(plan, by, foot)
     wished = _wished_velocity(plan, ball)
     if not is_floating(plan.leg):
         return _Tried(plan, wished - ball.velocity, 0.0)
@@ -131,13 +139,13 @@ def _wished_velocity(plan: KickPlan, ball: BallState) -> Array:
     return launch.velocity if met.limit is not None else met.velocity
 
 
-def _observe(plan: KickPlan, by: Observer) -> BallState:
+def _observe(plan: KickPlan, by: Observer, foot: Foot) -> BallState:
     """Return the ball that a plan gives; its time is half of the contact's duration."""
     impact = plan.impact
     if by is Observer.COLLIDE:
         hit = collide(impact.posture, impact.v_before, impact.ball, impact.contact)
         return replace(hit.ball_after, time=0.5 * hit.contact_time)
-    run = run_in_mujoco(plan)
+    run = run_in_mujoco(plan, foot=foot)
     if run.path is None:
         raise KickdynError("the foot does not reach the ball in MuJoCo: nothing can be corrected")
     return replace(run.ball_after, time=0.5 * run.contact_time)

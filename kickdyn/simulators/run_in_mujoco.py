@@ -27,6 +27,7 @@ from kickdyn.robot.standing import StandingRobot, is_floating, sole_edges
 from kickdyn.simulators.disturbance import KickNoise, draw
 from kickdyn.simulators.mujoco_field import MujocoField
 from kickdyn.simulators.mujoco_kick import load_mujoco
+from kickdyn.simulators.striking_foot import Foot, find_foot, plate
 from kickdyn.simulators.tune_mujoco import MujocoTuning, tune_mujoco
 
 LATEST_IMPACT = 0.1
@@ -63,12 +64,13 @@ class MujocoRun(ReprMixin):
 
     Attributes:
         plan: that is carried out.
-        tuning: contact of the ball with the striking plate.
+        tuning: contact of the ball with the foot.
         t: times, shape `(k,)` [s, planned impact at 0].
         q: configurations of the robot, shape `(k, nq)`, in its own coordinates.
         torque: of the joints, shape `(k, nv)` [N m; N].
         ball_position: centre of the ball, shape `(k, 3)` [m, world frame].
-        ball_after: the ball when it has left the foot; at rest where the foot misses it.
+        ball_after: the ball when it has left the foot for the last time; at rest where the foot
+            misses it.
         delay: time of the first contact after the planned one [s]; NaN where there is none.
         path: flight or course of the ball from `ball_after` to the plane of the target, or to the
             ground before it; None if the foot misses it.
@@ -79,6 +81,8 @@ class MujocoRun(ReprMixin):
             are of forces averaged over 20 ms. With 0 as the last one, the sole rests on an edge
             or a corner for that time: it tips, and may come down again.
         seed: of the differences from the plan; None if there are none.
+        foot: what struck the ball: `shapes` of the foot, or a `plate` at the contact point.
+        doubts: a line for everything about the foot that is not as it was asked for.
     """
 
     plan: KickPlan
@@ -93,6 +97,8 @@ class MujocoRun(ReprMixin):
     upright: bool
     margins: Mapping[str, float]
     seed: int | None = None
+    foot: str = Foot.PLATE.value
+    doubts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
@@ -155,11 +161,11 @@ class MujocoRun(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about a missed ball, a fall, and a contact that could not be tuned."""
+        """Lines about a missed ball, a fall, the foot, and a contact that could not be tuned."""
         lines = [] if self.path is not None else ["the foot does not reach the ball"]
         if not self.upright:
             lines.append(f"the robot does not stand {RECOVERY:g} s after the kick")
-        return (*lines, *self.tuning.warnings)
+        return (*lines, *self.doubts, *self.tuning.warnings)
 
     def to_json(self) -> dict[str, object]:
         """Return the numbers, for JSON."""
@@ -172,12 +178,14 @@ class MujocoRun(ReprMixin):
             "miss": self.miss if hit else None,
             "delay": self.delay if hit else None,
             "upright": self.upright,
+            "foot": self.foot,
             "seed": self.seed,
             "margins": dict(self.margins),
             "warnings": list(self.warnings),
         }
 
     def _rows(self) -> Iterable[Row]:
+        yield "foot", self.foot, ""
         if self.path is not None:
             yield "launch", self.ball_after.velocity, "m/s"
             yield "speed error", f"{self.speed_error:+.1%}", ""
@@ -203,6 +211,7 @@ def run_in_mujoco(
     tuning: MujocoTuning | None = None,
     seed: int | None = None,
     noise: KickNoise | None = None,
+    foot: str = Foot.SHAPES,
 ) -> MujocoRun:
     r"""Carry out the motion of a plan in MuJoCo: drives, floor, and a contact that takes time.
 
@@ -214,10 +223,18 @@ def run_in_mujoco(
     rad or m and a damping ratio of 0.3. The motion's time stops just before the impact until the
     ball has left the foot. A switch at the planned time would brake the foot before it hits.
 
-    The foot strikes with a plate at the contact point, whose contact `tune_mujoco` computes. The
-    robot stands on the corners of its sole, its kicking foot may step on the floor, and nothing
-    else collides. The ball is fixed where it lies until the foot touches it, and afterwards flies
-    by `fly`, or `follow`.
+    The foot strikes with the shapes that the robot's file has for contacts, of all bodies that are
+    fixed to the joint of the contact frame, meshes by their convex hulls. The contact is that which
+    `tune_mujoco` computes for a plane at the contact point. The robot stands on the corners of its
+    sole, its kicking foot may step on the floor, and nothing else collides. The ball is fixed where
+    it lies until the foot touches it, and afterwards flies by `fly`, or `follow`.
+
+    What the file draws strikes the ball where the file has no shapes for contacts, or where these
+    are more than 1 cm from the ball at the planned impact, like points under a sole; where it draws
+    nothing, it is a plate. The run's warnings say so, and name meshes that cannot be read. They
+    name shapes more than 5 mm from the ball, or in it, at the planned impact, and those more than
+    5 mm in the ball at first, which can touch it only from 0.1 s before the impact on; if they are
+    in it then too, it is a plate. A foot more than 5 mm under the ground at first is not held up.
 
     With a seed, the robot is not the one of the plan: masses of its bodies, friction of ground and
     ball, and the place of the ball differ at random, and commands reach the drives late.
@@ -232,6 +249,8 @@ def run_in_mujoco(
             same contact.
         seed: of the differences from the plan; None is a robot that is as planned.
         noise: how large they are; None is `KickNoise()`.
+        foot: `shapes`, or `plate` for a square of 10 cm at the contact point, across the normal,
+            which can touch the ball from 0.1 s before the impact on.
 
     Raises:
         InvalidInput: a plan without a motion, a joint without a torque limit, a tuning for another
@@ -249,6 +268,7 @@ def run_in_mujoco(
     if plan.motion is None:
         raise InvalidInput("the plan has no motion: plan it with plan_kick(..., motion=True)")
     chosen = validation.choice("controller", controller, Controller)
+    kind = validation.choice("foot", foot, Foot)
     if seed is not None:
         validation.check_type(int, seed=seed)
         validation.number("seed", seed, at_least=0)
@@ -273,7 +293,9 @@ def run_in_mujoco(
         )  # fmt: skip
     bodies = motion.robot.model.njoints - 1
     drawn = KickNoise(0, 0, 0, 0) if seed is None else noise or KickNoise()
-    field = MujocoField(motion, impact, standing, tuning, draw(drawn, seed or 0, bodies))
+    differs = draw(drawn, seed or 0, bodies)
+    strikes = plate(impact) if kind is Foot.PLATE else find_foot(motion, impact, differs.place)
+    field = MujocoField(motion, impact, standing, tuning, differs, strikes)
     field.set_gains(rooted, posture.q)
     samples = _simulate(field, feed_forward=chosen is Controller.TORQUE_PD)
     return replace(_result(plan, tuning, field, samples), seed=seed)
@@ -294,7 +316,7 @@ def _simulate(field: MujocoField, *, feed_forward: bool) -> _Samples:
     motion, data, step = field.motion, field.data, field.timestep
     rows: list[tuple[Array, Array, Array]] = []
     ground: list[Array] = []
-    touched: int | None = None
+    touched, pushing = None, False
     ball: BallState | None = None
     start = math.floor(motion.begin / step)
     at_impact = field.reference(0.0, feed_forward=feed_forward)
@@ -302,8 +324,9 @@ def _simulate(field: MujocoField, *, feed_forward: bool) -> _Samples:
     number, last = start, math.ceil(LATEST_IMPACT / step)
     while number < last:
         sent = number * step - field.disturbance.delay  # when the commands of this step were
-        if ball is not None and sent > float(ball.time) - 0.5 * step:
-            control = field.reference(sent - float(ball.time) + step, feed_forward=feed_forward)
+        left = math.inf if ball is None else max(float(ball.time), 0.0)
+        if sent > left - 0.5 * step:
+            control = field.reference(sent - left + step, feed_forward=feed_forward)
         elif sent < 0.0:
             control = field.reference(sent, feed_forward=feed_forward)
         else:
@@ -318,8 +341,9 @@ def _simulate(field: MujocoField, *, feed_forward: bool) -> _Samples:
         ground.append(field.sole_load())
         number += 1
         if field.pushes():
-            touched = number - 1 if touched is None else touched
-        elif touched is not None and ball is None:
+            touched, pushing = number - 1 if touched is None else touched, True
+        elif pushing:
+            pushing = False
             ball = field.ball(number * step)
             last = number + math.ceil(max(RECOVERY, motion.end + REST) / step)
     return _Samples(rows, ground, touched, ball)
@@ -349,7 +373,7 @@ def _result(
         delay=math.nan if touched is None else step * touched,
         path=None if ball is None else _fly(plan, ball),
         upright=field.is_upright(motion.q(motion.end)),
-        margins=margins,
+        margins=margins, foot=field.foot.kind.value, doubts=(*field.foot.warnings, *field.warnings),
     )  # fmt: skip
 
 

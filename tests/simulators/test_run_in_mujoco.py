@@ -137,12 +137,12 @@ def test_the_field_has_the_dynamics_of_the_robot(plan, run, gravity):
 
 def test_a_kick_is_corrected_by_the_observer_that_is_named(plan, run, monkeypatch):
     """The ball of `collide`, or of MuJoCo, in the middle of its contact."""
-    monkeypatch.setattr(refinement, "run_in_mujoco", lambda plan: run)
+    monkeypatch.setattr(refinement, "run_in_mujoco", lambda plan, foot: run)
     impact = plan.impact
     hit = kd.collide(impact.posture, impact.v_before, impact.ball, impact.contact)
     for by, ball, time in (("collide", hit.ball_after, hit.contact_time),
                            ("mujoco", run.ball_after, run.contact_time)):  # fmt: skip
-        seen = refinement._observe(plan, refinement.Observer(by))
+        seen = refinement._observe(plan, refinement.Observer(by), "shapes")
         agrees(seen.velocity, ball.velocity, closed_form(10))
         assert seen.time == pytest.approx(0.5 * time)
         wished = refinement._wished_velocity(plan, seen)
@@ -264,7 +264,7 @@ def test_corrections_learn_how_the_ball_answers(plan, monkeypatch):
         after = replace(plan.impact.ball_after, velocity=velocity)
         return replace(plan, impact=replace(plan.impact, _ball_after=after))
 
-    def observed(plan, by):
+    def observed(plan, by, foot):
         change = plan.impact.ball_after.velocity - first
         return replace(plan.impact.ball_after, velocity=wished + offset + answer @ change)
 

@@ -110,8 +110,8 @@ def displaced(plan: kd.KickPlan, place: np.ndarray) -> kd.KickPlan:
     return replace(plan, impact=replace(plan.impact, approach=approach._replace(ball_before=ball)))
 
 
-def print_displacements(plan: kd.KickPlan, tuning: kd.MujocoTuning) -> None:
-    """Print errors of speed and direction with displaced balls, with plate and own foot."""
+def print_displacements(plan: kd.KickPlan, contact: kd.MujocoRun) -> None:
+    """Print errors of speed and direction of displaced balls, in the contact of a run."""
     ahead = plan.aim.ahead
     left = np.cross((0.0, 0.0, 1.0), ahead)
     sides = {"ahead": ahead, "back": -ahead, "left": left, "right": -left}
@@ -121,7 +121,7 @@ def print_displacements(plan: kd.KickPlan, tuning: kd.MujocoTuning) -> None:
             moved = displaced(plan, distance * along)
             errors = []
             for foot in ("plate", "shapes"):
-                run = kd.run_in_mujoco(moved, tuning=tuning, foot=foot)
+                run = kd.run_in_mujoco(moved, tuning=contact.tuning, foot=foot)
                 angle = math.degrees(run.direction_error)
                 errors.append("missed" if run.path is None else
                               f"{run.speed_error:+.1%}, {angle:.1f}°")  # fmt: skip
@@ -138,12 +138,12 @@ def main() -> None:
     arguments = parser.parse_args()
     cases = CASES | {"t1": (lambda: t1(arguments.t1), kd.Goal(1, time=0.3), None)}
     for name in arguments.cases:
-        make, goal, contact = cases[name]
+        make, goal, point = cases[name]
         start = time.process_time()
-        plan = kd.plan_kick(make(), goal, BALL, AIR, contact=contact, motion=True)
+        plan = kd.plan_kick(make(), goal, BALL, AIR, contact=point, motion=True)
         planned = time.process_time() - start
         print(f"{name}, {plan.launch.speed:.2f} m/s: {plan.status}, {planned:.0f} s", flush=True)
-        tuning = kd.run_in_mujoco(plan).tuning
+        contact = kd.run_in_mujoco(plan)
         corrected = {"planned": plan}
         for foot, text in (("plate", "a plate"), ("shapes", "the own foot")):
             start = time.process_time()
@@ -156,11 +156,11 @@ def main() -> None:
             ("corrected with a plate, the own foot", corrected["plate"], "shapes"),
             ("corrected with the own foot", corrected["shapes"], "shapes"),
         ):
-            run = kd.run_in_mujoco(plan, tuning=tuning, foot=foot)
+            run = kd.run_in_mujoco(plan, tuning=contact.tuning, foot=foot)
             print(f"  {text}: {describe(run)}", *run.doubts, sep="\n    ", flush=True)
-        print_displacements(plan, tuning)
+        print_displacements(plan, contact)
         if arguments.runs:
-            print(kd.run_with_noise(plan, arguments.runs, tuning=tuning), flush=True)
+            print(kd.run_with_noise(plan, arguments.runs, tuning=contact.tuning), flush=True)
 
 
 if __name__ == "__main__":

@@ -7,13 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from planned_motions import AIR, BALL, HUMAN, SOLE, standing, swinging
-from scipy.interpolate import BSpline
+from planned_motions import HUMAN, SOLE, by_hand, standing, swinging
 from scipy.optimize import fsolve
 from tolerances import agrees, closed_form, optimized, sampled
 
 import kickdyn as kd
-from kickdyn.motion.motion import Motion
 from kickdyn.planning.kick import turn_plan
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.standing import StandingRobot
@@ -24,21 +22,11 @@ from kickdyn.simulators.mujoco_field import MujocoField
 from kickdyn.simulators.noisy_runs import NoisyRuns
 
 pytest.importorskip("mujoco")
-SWING = 0.25
 
 
 @pytest.fixture(scope="module")
 def plan():
-    """A kick with a motion of constant accelerations: from rest to the impact, and to rest."""
-    plan = kd.plan_kick(HUMAN, kd.Goal(10, time=0.9), BALL, AIR)
-    splines = []
-    for begin, end, v in ((-SWING, 0.0, plan.v), (0.0, SWING, plan.impact.v_after)):
-        half = 0.5 * SWING * v  # Bezier points of a parabola
-        points = [plan.q - half, plan.q - half, plan.q] if end == 0.0 else [
-            plan.q, plan.q + half, plan.q + half
-        ]  # fmt: skip
-        splines.append(BSpline([begin] * 3 + [end] * 3, points, 2))
-    return replace(plan, motion=Motion(plan.leg, HUMAN.joint_names, *splines))
+    return by_hand()
 
 
 @pytest.fixture(scope="module")

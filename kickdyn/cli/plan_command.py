@@ -283,13 +283,10 @@ class PlanOutputOptions(OutputOptions):
             from kickdyn.simulators.mujoco_kick import load_mujoco
 
             load_mujoco()  # before a plan that takes a minute
-        for name, count in (("corrections", self.corrections), ("noisy-runs", self.noisy_runs)):
-            if count is not None and self.run is None:
-                raise InvalidInput(
-                    f"--{name} is {count}: it needs a simulator, so add --run mujoco"
-                )
-        if self.foot is not None and self.run is None:
-            raise InvalidInput(f"--foot is {self.foot}: it needs a simulator, so add --run mujoco")
+        for name in ("corrections", "noisy_runs", "foot"):
+            if (value := getattr(self, name)) is not None and self.run is None:
+                what = f"--{name.replace('_', '-')} is {value}"
+                raise InvalidInput(f"{what}: it needs a simulator, so add --run mujoco")
         if self.out is not None:
             check_motion_name(self.out)
 

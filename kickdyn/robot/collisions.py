@@ -136,9 +136,9 @@ def ball_proximity(body: Body, centre: Array, radius: float) -> Proximity:
     """Return depth, point and normal of a body in a ball at a place, all in the body's frame."""
     import coal
 
-    pose, turn = coal.Transform3s(body.pose.rotation, body.pose.translation), np.eye(3)
     request, result = coal.DistanceRequest(), coal.DistanceResult()
-    ball = coal.Sphere(radius), coal.Transform3s(turn, centre)
+    pose = coal.Transform3s(body.pose.rotation, body.pose.translation)
+    ball = coal.Sphere(radius), coal.Transform3s(np.eye(3), centre)
     coal.distance(body.shape, pose, *ball, request, result)
     return Proximity(-result.min_distance, result.getNearestPoint1(), result.normal)
 

@@ -167,6 +167,8 @@ def _spanned(file: RobotFile, visual: Visual) -> Spheres:
             files = PackageFiles(file.folder, file.package_dirs)
             surfaces = read_mesh(files, visual.mesh, visual.size)
             points = np.vstack([surface.vertices for surface in surfaces])
+        if np.ptp(points, axis=0).max() < 1e-4:
+            raise InvalidInput("it is smaller than 0.1 mm")
         with suppress(QhullError, ValueError):  # flat
             points = points[ConvexHull(points).vertices]
         return Spheres(points, np.zeros(len(points)))

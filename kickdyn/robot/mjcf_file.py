@@ -108,23 +108,14 @@ class MjcfFile(RobotFile):
         return self._shapes(compiled, [g for g in geoms if compiled.geom_group[g] < 3] or geoms)
 
     def collisions(self) -> list[Visual]:
-        """Return the geoms of the groups that are not drawn, which are those for contacts."""
+        """Return the geoms that collide by their masks, and those of the groups for contacts."""
         compiled = self.compile()
-        hidden = (compiled.geom_group >= 3) & (compiled.geom_bodyid > 0)
-        return self._shapes(compiled, np.flatnonzero(hidden).tolist())
+        collide = (compiled.geom_priority != -1) | (compiled.geom_solmix != 0.0)
+        collide = (collide | (compiled.geom_group >= 3)) & (compiled.geom_bodyid > 0)
+        return self._shapes(compiled, np.flatnonzero(collide).tolist())
 
-    def contacts(self) -> list[Visual]:
-        """Return the geoms that collide, by `contype` and `conaffinity`, or by their group."""
-        compiled = self.compile()
-        collides = (compiled.geom_priority != -1) | (compiled.geom_solmix != 0.0)
-        collides |= compiled.geom_group >= 3
-        geoms = np.flatnonzero(collides & (compiled.geom_bodyid > 0)).tolist()
-        return self._shapes(compiled, geoms, transparent=True)
-
-    def _shapes(
-        self, compiled: Any, geoms: Iterable[int], *, transparent: bool = False
-    ) -> list[Visual]:
-        """Return the shapes of geoms without planes, and with `transparent` ones if wanted."""
+    def _shapes(self, compiled: Any, geoms: Iterable[int]) -> list[Visual]:
+        """Return the shapes of geoms, those that are transparent and planes left out."""
         shapes = []
         for number in geoms:
             geom = compiled.geom(number)
@@ -132,7 +123,7 @@ class MjcfFile(RobotFile):
             rgba, material = geom.rgba.tolist(), int(compiled.geom_matid[number])
             if material >= 0 and rgba == [0.5, 0.5, 0.5, 1.0]:  # the default gives way
                 rgba = compiled.mat_rgba[material].tolist()
-            if kind not in _SHAPES or (rgba[3] == 0.0 and not transparent):
+            if kind not in _SHAPES or rgba[3] == 0.0:
                 continue
             shape, vertices, faces = _SHAPES[kind], None, None
             if shape in (Shape.CAPSULE, Shape.CYLINDER):

@@ -112,10 +112,6 @@ class RobotFile:
         """Return the shapes that the file has for contacts; raise `InvalidInput` as `visuals`."""
         return []
 
-    def contacts(self) -> list[Visual]:
-        """Return the shapes that touch other bodies in a simulation; raise as `visuals`."""
-        return self.collisions()
-
     @cached_property
     def visuals_by_frame(self) -> dict[str, list[Visual]]:
         """The shapes by the frame that they are fixed to; none where they are unreadable."""
@@ -125,11 +121,6 @@ class RobotFile:
     def collisions_by_frame(self) -> dict[str, list[Visual]]:
         """The shapes for contacts by frame; none where they are unreadable."""
         return _by_frame(self.collisions)
-
-    @cached_property
-    def contacts_by_frame(self) -> dict[str, list[Visual]]:
-        """The shapes that touch other bodies by frame; none where they are unreadable."""
-        return _by_frame(self.contacts)
 
 
 def _by_frame(read: Callable[[], list[Visual]]) -> dict[str, list[Visual]]:

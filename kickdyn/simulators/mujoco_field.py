@@ -93,7 +93,7 @@ class MujocoField:
         self.mujoco.mj_setConst(self.model, self.data)
         self.addresses = [int(self.model.joint(name).qposadr[0]) for name in self.joints]
         self.rates = [int(self.model.joint(name).dofadr[0]) for name in self.joints]
-        self.striking = [self.model.geom(name).id for name in self.foot.names]
+        self.striking = [self.model.geom(name).id for name in self.foot.geoms]
         self.sole = range(0)
         if standing is not None:
             index = self.model.geom("sole 0").id
@@ -115,8 +115,8 @@ class MujocoField:
         """Return the model in MJCF."""
         robot, ball, contact = self.motion.robot, self.impact.ball, tuning.contact
         contact = contact._replace(friction=self.disturbance.ball_friction * contact.friction)
-        model, geoms = robot.model, {robot.contact_joint: self.foot.geoms}
-        pairs, floor = "".join(pair(contact, name) for name in self.foot.names), ""
+        model, geoms = robot.model, {robot.contact_joint: "".join(self.foot.geoms.values())}
+        pairs, floor = "".join(pair(contact, name) for name in self.foot.geoms), ""
         if self.standing is not None:
             floor = '<geom name="floor" type="plane" size="9 9 1"/>'
             support, level = self.standing.support, self.standing.placement.rotation[2]

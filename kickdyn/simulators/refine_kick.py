@@ -33,10 +33,7 @@ class Observer(StrEnum):
 
 @validation.check_arguments
 def refine_kick(
-    plan: KickPlan,
-    rounds: int = 2,
-    by: str = Observer.COLLIDE,
-    foot: str = Foot.SHAPES,
+    plan: KickPlan, rounds: int = 2, by: str = Observer.COLLIDE, foot: str = Foot.SHAPES
 ) -> KickPlan:
     r"""Correct the commanded launch of a plan by the ball that a contact of 10 ms gives.
 
@@ -57,8 +54,7 @@ def refine_kick(
         plan: with a `motion`.
         rounds: number of corrections, 1 to 10.
         by: `collide`, or `mujoco` for `run_in_mujoco` with its default contact.
-        foot: what strikes the ball by `mujoco`, `shapes` or `plate`, as for `run_in_mujoco`;
-            `collide` has a plane and needs none.
+        foot: what strikes the ball by `mujoco`, `shapes` or `plate`, as for `run_in_mujoco`.
 
     Returns:
         The plan, of all rounds and the first one, whose ball is nearest to :math:`v^*`.

@@ -81,7 +81,7 @@ class MujocoRun(ReprMixin):
             are of forces averaged over 20 ms. With 0 as the last one, the sole rests on an edge
             or a corner for that time: it tips, and may come down again.
         seed: of the differences from the plan; None if there are none.
-        foot: what struck the ball: `shapes` of the foot, or a `plate` at the contact point.
+        foot: what struck the ball, `shapes` or `plate`.
         doubts: a line for everything about the foot that is not as it was asked for.
     """
 
@@ -223,18 +223,17 @@ def run_in_mujoco(
     rad or m and a damping ratio of 0.3. The motion's time stops just before the impact until the
     ball has left the foot. A switch at the planned time would brake the foot before it hits.
 
-    The foot strikes with the shapes that the robot's file has for contacts, of all bodies that are
-    fixed to the joint of the contact frame, meshes by their convex hulls. The contact is that which
-    `tune_mujoco` computes for a plane at the contact point. The robot stands on the corners of its
-    sole, its kicking foot may step on the floor, and nothing else collides. The ball is fixed where
-    it lies until the foot touches it, and afterwards flies by `fly`, or `follow`.
+    The shapes that the robot's file has for contacts strike the ball, of all bodies that are fixed
+    to the joint of the contact frame, meshes by their convex hulls; the contact is that which
+    `tune_mujoco` computes for a plane. What the file draws does so where it has no shapes for
+    contacts, or only ones more than 1 cm from the ball at the planned impact, like points under a
+    sole; a plate does where it draws nothing, or where a shape is more than 5 mm in the ball at
+    first. The run's warnings say so. They also name meshes that cannot be read, and shapes whose
+    place or normal at the planned impact is off by more than 5 mm or 5 degrees.
 
-    What the file draws strikes the ball where the file has no shapes for contacts, or where these
-    are more than 1 cm from the ball at the planned impact, like points under a sole; where it draws
-    nothing, it is a plate. The run's warnings say so, and name meshes that cannot be read. They
-    name shapes more than 5 mm from the ball, or in it, at the planned impact, and those more than
-    5 mm in the ball at first, which can touch it only from 0.1 s before the impact on; if they are
-    in it then too, it is a plate. A foot more than 5 mm under the ground at first is not held up.
+    The robot stands on the corners of its sole, its kicking foot may step on the floor, unless it
+    begins more than 5 mm under the ground, and nothing else collides. The ball is fixed where it
+    lies until the foot touches it, and afterwards flies by `fly`, or `follow`.
 
     With a seed, the robot is not the one of the plan: masses of its bodies, friction of ground and
     ball, and the place of the ball differ at random, and commands reach the drives late.

@@ -6,8 +6,8 @@ import pytest
 import kickdyn as kd
 from kickdyn.robot.collisions import (
     Placed,
-    _body,
     bodies_at,
+    body_of,
     find_ball_overlaps,
     find_self_collisions,
 )
@@ -121,7 +121,7 @@ def test_the_nearest_point_of_a_body_and_its_normal(tmp_path, ahead):
 def test_a_flat_or_thin_body_is_thickened_a_little(size, width):
     """A hull without volume would end the process."""
     corners = [(x, width * y, 0.0) for x in (0, 1) for y in (0, 1)]
-    box = _body("sheet", Spheres(size * np.array(corners), np.zeros(4))).shape
+    box = body_of("sheet", Spheres(size * np.array(corners), np.zeros(4))).shape
     box.computeLocalAABB()
     sizes, thin = box.aabb_local.max_ - box.aabb_local.min_, 1e-3 * np.hypot(1.0, width) / 2
     assert sizes == pytest.approx(size * np.array([1.0, width or thin, thin]))

@@ -154,7 +154,8 @@ def test_geoms_are_drawn(tmp_path):
         Shape.SPHERE: (0.1,), Shape.CAPSULE: pytest.approx((1.0, 0.1)), Shape.MESH: (1.0,),
         Shape.CYLINDER: (0.6, 0.1), Shape.BOX: (0.2, 0.4, 0.6), Shape.ELLIPSOID: (0.1, 0.2, 0.3),
     }  # fmt: skip
-    assert [shape.size for shape in leg.file.collisions()] == [(5.0,)]
+    kinds = [shape.size for shape in leg.file.collisions() if shape.shape == Shape.SPHERE]
+    assert kinds == [(1.0,), (0.1,), (5.0,)]
     assert shapes[Shape.SPHERE].pose[:3, 3] == pytest.approx([1, 0, 0])
     assert abs(shapes[Shape.CAPSULE].pose[:3, 2]) == pytest.approx([0, 1, 0])
     assert shapes[Shape.CAPSULE].pose[:3, 3] == pytest.approx([0, 0.5, 0])
@@ -164,6 +165,26 @@ def test_geoms_are_drawn(tmp_path):
     corners = mesh.vertices @ mesh.pose[:3, :3].T + mesh.pose[:3, 3]
     assert corners.min(axis=0) == pytest.approx([0.8, -0.4, -0.6])
     assert corners.max(axis=0) == pytest.approx([1.2, 0.4, 0.6])
+
+
+def test_geoms_for_contacts_are_those_of_masks_and_of_hidden_groups(tmp_path):
+    """Masks may be those of a class; settings that kickdyn uses in their place mean nothing."""
+    geoms = (
+        ("", True), ('class="v"', False), ('class="v" contype="2"', True),
+        ('contype="0" conaffinity="0" priority="5" solmix="3"', False),
+        ('contype="0"', True), ('class="v" group="3"', True),
+    )  # fmt: skip
+    bodies = "".join(f'<geom size="{k + 1}" {what}/>' for k, (what, _) in enumerate(geoms))
+    text = (
+        '<mujoco><default><default class="v"><geom contype="0" conaffinity="0"/></default>'
+        f'</default><worldbody><body name="arm"><joint axis="0 1 0"/>{bodies}</body></worldbody>'
+        "</mujoco>"
+    )
+    leg = kd.Leg.from_mjcf(write(tmp_path, robot=text), "arm")
+    found = [shape.size[0] for shape in leg.file.collisions()]
+    assert found == [k + 1 for k, (_, collides) in enumerate(geoms) if collides]
+    with pytest.raises(kd.KickdynError, match="a geom of contype 'two': it is an integer"):
+        kd.Leg.from_mjcf(write(tmp_path, robot=text.replace('"2"', '"two"')), "arm")
 
 
 @pytest.mark.parametrize(("actuators", "passive"), [

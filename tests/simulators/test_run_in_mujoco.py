@@ -7,11 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from planned_motions import HUMAN, SOLE, by_hand, standing, swinging
+from planned_motions import AIR, BALL, HUMAN, SOLE, SWING, by_hand, standing, swinging
+from scipy.interpolate import BSpline
 from scipy.optimize import fsolve
 from tolerances import agrees, closed_form, optimized, sampled
 
 import kickdyn as kd
+from kickdyn.motion.motion import Motion
 from kickdyn.planning.kick import turn_plan
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.standing import StandingRobot

@@ -34,7 +34,8 @@ def page() -> Page:
     robot = kd.Leg.from_robot("g1", base="floating", locked={"*wrist*": 0.0})
     standing = robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
     plan = kd.plan_kick(standing, kd.Goal(3, time=0.4), kd.Ball(), kd.Air(), motion=True)
-    return kd.page(kd.run_in_mujoco(kd.refine_kick(plan, rounds=2, by="mujoco")))
+    corrected = kd.refine_kick(plan, rounds=2, by="mujoco", foot="plate")
+    return kd.page(kd.run_in_mujoco(corrected, foot="plate"))
 
 
 def main(file: Path) -> None:

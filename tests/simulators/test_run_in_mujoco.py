@@ -286,7 +286,7 @@ def test_a_robot_kicks_from_one_foot_and_may_be_turned():
     again = kd.run_in_mujoco(turned, tuning=run.tuning)
     agrees(again.ball_after.velocity, rotation @ run.ball_after.velocity, closed_form(1e7))
     plan = swinging()
-    corrected = kd.refine_kick(plan, rounds=1, by="mujoco")
+    corrected = kd.refine_kick(plan, rounds=2, by="mujoco")
     assert kd.run_in_mujoco(corrected).miss < 0.2 * kd.run_in_mujoco(plan).miss
 
 

@@ -71,7 +71,7 @@ class MujocoField:
         foot: StrikingFoot | None = None,
     ) -> None:
         self.disturbance, self.warnings = disturbance, list[str]()
-        self.foot = plate(impact) if foot is None else foot
+        self.foot, self.sole = plate(impact) if foot is None else foot, range(0)
         self.mujoco, self.motion, self.impact = load_mujoco(), motion, impact
         self.standing, self.timestep = standing, tuning.timestep
         robot = motion.robot
@@ -94,7 +94,6 @@ class MujocoField:
         self.addresses = [int(self.model.joint(name).qposadr[0]) for name in self.joints]
         self.rates = [int(self.model.joint(name).dofadr[0]) for name in self.joints]
         self.striking = [self.model.geom(name).id for name in self.foot.geoms]
-        self.sole = range(0)
         if standing is not None:
             index = self.model.geom("sole 0").id
             self.sole = range(index, index + len(self.corners))

@@ -315,7 +315,7 @@ def _simulate(field: MujocoField, *, feed_forward: bool) -> _Samples:
     motion, data, step = field.motion, field.data, field.timestep
     rows: list[tuple[Array, Array, Array]] = []
     ground: list[Array] = []
-    touched, pushing = None, False
+    touched, pushing, left = None, False, math.inf
     ball: BallState | None = None
     start = math.floor(motion.begin / step)
     at_impact = field.reference(0.0, feed_forward=feed_forward)
@@ -323,7 +323,6 @@ def _simulate(field: MujocoField, *, feed_forward: bool) -> _Samples:
     number, last = start, math.ceil(LATEST_IMPACT / step)
     while number < last:
         sent = number * step - field.disturbance.delay  # when the commands of this step were
-        left = math.inf if ball is None else max(float(ball.time), 0.0)
         if sent > left - 0.5 * step:
             control = field.reference(sent - left + step, feed_forward=feed_forward)
         elif sent < 0.0:
@@ -343,8 +342,10 @@ def _simulate(field: MujocoField, *, feed_forward: bool) -> _Samples:
             touched, pushing = number - 1 if touched is None else touched, True
         elif pushing:
             pushing = False
+            if ball is None:
+                left = max(number * step, 0.0)
+                last = number + math.ceil(max(RECOVERY, motion.end + REST) / step)
             ball = field.ball(number * step)
-            last = number + math.ceil(max(RECOVERY, motion.end + REST) / step)
     return _Samples(rows, ground, touched, ball)
 
 

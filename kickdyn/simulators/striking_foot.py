@@ -131,7 +131,7 @@ def _meet(parts: list[_Part], impact: Impact) -> tuple[float, list[str]]:
     (point, normal), radius = _planned(impact), impact.ball.radius
     meets = [ball_proximity(part.body, point + radius * normal, radius) for part in parts]
     nearest = max(meets, key=lambda one: one.depth)
-    gap, angle = -nearest.depth, math.acos(min(float(nearest.normal @ normal), 1.0))
+    gap, angle = -nearest.depth, math.acos(np.clip(nearest.normal @ normal, -1.0, 1.0))
     if abs(gap) <= TOUCHING and angle <= INCLINED:
         return gap, []
     where = "from the ball" if gap > 0.0 else "inside the ball"

@@ -150,7 +150,7 @@ def test_a_standing_robot_is_turned_so_that_its_ball_flies_towards_the_target(mo
     seen = kd.BallState(place + np.array([0.5, 0.2, 0.1]), ball, (1.0, -9.0, 2.0), 0.005)
     monkeypatch.setattr(refinement, "_observe", lambda *_: seen)
     monkeypatch.setattr(refinement, "_wished_velocity", lambda _, ball: 5.0 * after - ball.position)
-    _, error, turn = refinement._try(plan, refinement.Observer.COLLIDE)
+    _, error, turn = refinement._try(plan, refinement.Observer.COLLIDE, "shapes")
 
     def azimuth(velocity):
         return math.atan2(velocity[1], velocity[0])

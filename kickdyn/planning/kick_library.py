@@ -10,12 +10,13 @@ import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from scipy.integrate import trapezoid
 from scipy.interpolate import BSpline
 
@@ -26,6 +27,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.flight_result import Flight
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.motion.impact_target import impact_target_for
@@ -44,7 +46,7 @@ from kickdyn.planning.kick_steps import (
     checked_leg,
     path_to_target,
 )
-from kickdyn.planning.launch import plan_launch
+from kickdyn.planning.launch import Launch, plan_launch
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.stance import Balance
 from kickdyn.robot.leg import Leg
@@ -253,18 +255,20 @@ class KickLibrary(ReprMixin):
         """
         if goal.spin.any() or goal.beside is not None:
             raise InvalidInput("the goal has spin: kicks of a library give the ball none")
-        launch = plan_launch(goal, self._ball, air)
-        reader, (vx, vy, vz) = self.reader, launch.velocity
-        speed, azimuth = math.hypot(vx, vy, vz), math.atan2(vy, vx)
-        heading = 0.0
-        low, high = reader.lower[2], reader.upper[2]
-        if self._standing is not None and not low <= azimuth <= high:
-            heading, azimuth = azimuth - 0.5 * (low + high), 0.5 * (low + high)
-        place = 0.5 * (reader.lower + reader.upper)[3:]
+        place = 0.5 * (self.reader.lower + self.reader.upper)[3:]
         if ball_position is not None:
             place = validation.vector("ball_position", ball_position, 2, unit="m")
-        point = np.array([speed, math.asin(vz / speed), azimuth, *place])
-        return self.kick_at(point, heading)
+        return self._kick_with(plan_launch(goal, self._ball, air).velocity, place)
+
+    def _kick_with(self, velocity: Array, place: Array) -> "LibraryKick":
+        """Return the kick with a launch, `(3,)` [m/s], of a ball at a place, `(2,)` [m]."""
+        vx, vy, vz = velocity
+        speed, azimuth = math.hypot(vx, vy, vz), math.atan2(vy, vx)
+        low, high = self.reader.lower[2], self.reader.upper[2]
+        heading = 0.0
+        if self._standing is not None and not low <= azimuth <= high:
+            heading, azimuth = azimuth - 0.5 * (low + high), 0.5 * (low + high)
+        return self.kick_at(np.array([speed, math.asin(vz / speed), azimuth, *place]), heading)
 
     def kick_at(self, point: Array, heading: float = 0.0) -> "LibraryKick":
         """Return the kick at speed, elevation, azimuth, x and y, `(5,)`, of a turned robot."""
@@ -291,12 +295,43 @@ class KickLibrary(ReprMixin):
             InvalidInput: as for `kick`, or there is none.
         """
         kick = self.kick(goal, ball_position=ball_position, air=air)
+        launch = plan_launch(goal, self._ball, air)
+        return self._plan(kick, goal.at(launch.time), launch, air, launch.time)
+
+    def replan(self, plan: KickPlan, velocity: ArrayLike) -> KickPlan:
+        """Return the plan of the kick with another launch, of the same ball, for the same goal.
+
+        It serves to correct a launch, as `refine_kick` does.
+
+        Args:
+            plan: of this library.
+            velocity: of the launch by `strike`, shape `(3,)` [m/s, world frame].
+
+        Raises:
+            InvalidInput: there is none.
+        """
+        wished = validation.vector("velocity", velocity, 3, unit="m/s")
+        launch, path = plan.launch, plan.path
+        if not isinstance(launch, Launch) or not isinstance(path, Flight):
+            raise InvalidInput("the plan is a pass or a trap: a library has none")
+        place = plan.impact.ball_before.position[:2]
+        kick = self._kick_with(pin.rpy.rpyToMatrix(0.0, 0.0, -plan.heading) @ wished, place)
+        kick = replace(kick, heading=kick.heading + plan.heading)
+        return self._plan(kick, plan.aim, launch, path.air)
+
+    def _plan(
+        self,
+        kick: "LibraryKick",
+        goal: Goal,
+        launch: Launch,
+        air: Air | None,
+        time: float | None = None,
+    ) -> KickPlan:
+        """Return a kick as a plan for a goal, whose flight takes a time [s]."""
         motion, impact = kick.motion, kick.impact
         if motion is None or impact is None:
             raise InvalidInput(f"the library has no kick for this goal: {kick.reason}")
-        launch = plan_launch(goal, self._ball, air)
         target = impact_target_for(kick.launch, np.zeros(3), impact.ball, impact.contact)
-        goal = goal.at(launch.time)
         speed_use, torque_use = (
             1.0 - min(margin for name, margin in kick.margins.items() if name.startswith(kind))
             for kind in ("speed of", "torque of")
@@ -310,7 +345,7 @@ class KickLibrary(ReprMixin):
             share=1.0,
             impact_target=target,
             impact=impact,
-            path=path_to_target(impact, goal, air, None, launch.time),
+            path=path_to_target(impact, goal, air, None, time),
             speed_use=speed_use,
             torque_use=torque_use,
             binding=(),

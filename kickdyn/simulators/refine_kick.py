@@ -14,6 +14,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.collide import collide
 from kickdyn.planning.kick import replan_motion, turn_plan
+from kickdyn.planning.kick_library import KickLibrary
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, plan_launch
 from kickdyn.robot.standing import is_floating
@@ -33,7 +34,11 @@ class Observer(StrEnum):
 
 @validation.check_arguments
 def refine_kick(
-    plan: KickPlan, rounds: int = 2, by: str = Observer.COLLIDE, foot: str = Foot.SHAPES
+    plan: KickPlan,
+    rounds: int = 2,
+    by: str = Observer.COLLIDE,
+    foot: str = Foot.SHAPES,
+    library: KickLibrary | None = None,
 ) -> KickPlan:
     r"""Correct the commanded launch of a plan by the ball that a contact of 10 ms gives.
 
@@ -55,6 +60,7 @@ def refine_kick(
         rounds: number of corrections, 1 to 10.
         by: `collide`, or `mujoco` for `run_in_mujoco` with its default contact.
         foot: what strikes the ball by `mujoco`, `shapes` or `plate`, as for `run_in_mujoco`.
+        library: of `kick_library`, whose kicks take the place of motions that are planned again.
 
     Returns:
         The plan, of all rounds and the first one, whose ball is nearest to :math:`v^*`.
@@ -63,7 +69,7 @@ def refine_kick(
         is the distance of the simulated ball from the target.
 
     Raises:
-        InvalidInput: a plan without a motion.
+        InvalidInput: a plan without a motion, or a launch that is not in the library.
         KickdynError: a foot that misses the ball.
     """
     chosen, kind = validation.choice("by", by, Observer), validation.choice("foot", foot, Foot)
@@ -79,7 +85,8 @@ def refine_kick(
             break
         step *= min(1.0, LARGEST_STEP * best.size / size)
         command = best.plan.impact.ball_after.velocity + step
-        tried = _try(replan_motion(best.plan, command), chosen, kind)
+        again = replan_motion if library is None else library.replan
+        tried = _try(again(best.plan, command), chosen, kind)
         slope += np.outer(best.error - tried.error - slope @ step, step) / (step @ step)
         best = min(best, tried, key=lambda one: one.size)
     corrected = replace(best.plan, corrected_by=chosen.value)

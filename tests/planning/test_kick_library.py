@@ -83,6 +83,9 @@ def test_goals_are_met_by_their_launch(library):
     assert plan.speed_use == pytest.approx(
         np.max(np.abs(plan.v) / plan.leg.velocity_limit), rel=0.02
     )
+    again = library.replan(plan, 0.99 * launch.velocity)
+    agrees(again.impact.ball_after.velocity, 0.99 * launch.velocity, closed_form(1e4))
+    agrees(again.impact.ball_before.position, plan.impact.ball_before.position, closed_form(1e4))
     with pytest.raises(InvalidInput, match=r"speed is 11 m/s"):
         library.plan(kd.Goal(5.3, speed=11.0), air=air)
     with pytest.raises(InvalidInput, match="spin"):

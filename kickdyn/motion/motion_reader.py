@@ -24,6 +24,7 @@ class MotionTable(NamedTuple):
     """What a file has of a motion.
 
     Attributes:
+        source: name of the file.
         joints: positions of the joints, shape `(k, n)`; of a CSV file, with the base before them.
         root: position and quaternion of the base, shape `(k, 7)`; None without, or in `joints`.
         quaternion: order of the quaternions in `root`; empty if the file does not say it.
@@ -33,6 +34,7 @@ class MotionTable(NamedTuple):
         bodies: positions of bodies in the world, shape `(k, m, 3)` [m]; None without.
     """
 
+    source: str
     joints: Array
     root: Array | None = None
     quaternion: str = ""
@@ -40,6 +42,10 @@ class MotionTable(NamedTuple):
     rate: float | None = None
     t: Array | None = None
     bodies: Array | None = None
+
+    def fault(self, text: str) -> FaultyFile:
+        """Return the error of a fault of the file."""
+        return FaultyFile(self.source, [text])
 
 
 def read_table(file: str | os.PathLike[str]) -> MotionTable:
@@ -74,7 +80,7 @@ def _read_csv(file: str | os.PathLike[str], source: str) -> MotionTable:
     if has_header and len(names) != table.shape[1]:
         counts = f"{len(names)} names in its first line and {table.shape[1]} columns"
         raise FaultyFile(source, [f"has {counts}: each column needs a name"])
-    return MotionTable(_finite(table, source, ""), names=names if has_header else ())
+    return MotionTable(source, _finite(table, source, ""), names=names if has_header else ())
 
 
 def _is_number(word: str) -> bool:
@@ -112,7 +118,7 @@ def _read_npz(file: str | os.PathLike[str], source: str) -> MotionTable:
         root = np.hstack([bodies[:, 0], arrays["body_quat_w"][:, 0]])
     rate = float(fps[0]) if fps.size == 1 and fps.dtype.kind in "fiu" else None
     t = arrays["time"] if arrays["time"].size else None
-    return MotionTable(arrays["joint_pos"], root, quaternion, names, rate, t, bodies)
+    return MotionTable(source, arrays["joint_pos"], root, quaternion, names, rate, t, bodies)
 
 
 _SHAPES: dict[str, tuple[int | None, ...]] = {

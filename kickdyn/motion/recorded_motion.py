@@ -12,9 +12,10 @@ in the axes of the base.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
@@ -22,8 +23,9 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.motion.motion_file import MotionSamples, continuous, file_joints
+from kickdyn.motion.motion_file import MotionSamples, file_joints, moved_poses, positions_of
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.standing import is_floating
 
 DEGREE = 4
 """Degree of the polynomials."""
@@ -41,26 +43,6 @@ LEAST_FRAMES = 10
 """Least number of frames of a motion."""
 
 
-class Smoothing(NamedTuple):
-    """How far smoothing moves a part of a motion at most.
-
-    Attributes:
-        quantity: `position` or `velocity`.
-        part: `joints`, `base position` or `base rotation`.
-        amount: largest difference from what is not smoothed, in `unit`.
-        unit: of the amount.
-        name: of the joint; empty for the base.
-        time: when [s].
-    """
-
-    quantity: str
-    part: str
-    amount: float
-    unit: str
-    name: str
-    time: float
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordedMotion(ReprMixin):
     """A motion of a leg or a robot at a constant rate, as `read_motion` returns it.
@@ -73,7 +55,7 @@ class RecordedMotion(ReprMixin):
         v: velocities, shape `(k, nv)`; at the impact, just before it.
         a: accelerations, shape `(k, nv)`, likewise.
         contact: time of the impact [s], across which nothing is smoothed; None without one.
-        smoothing: how far it moves positions and velocities.
+        smoothing: rows of how far it moves positions and velocities at most, where and when.
         warnings: lines about the rate and joints outside their ranges.
     """
 
@@ -84,7 +66,7 @@ class RecordedMotion(ReprMixin):
     v: Array
     a: Array
     contact: float | None
-    smoothing: tuple[Smoothing, ...]
+    smoothing: tuple[Row, ...] = ()
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -97,9 +79,7 @@ class RecordedMotion(ReprMixin):
         yield "end", self.end, "s"
         if self.contact is not None:
             yield "contact", self.contact, "s"
-        for quantity, part, amount, unit, name, time in self.smoothing:
-            where = f"{f'{name}, ' if name else ''}at {time:.4g} s"
-            yield f"smoothing, {quantity} of {part}", f"{amount:.2g} {unit}, {where}", ""
+        yield from self.smoothing
         yield from warned(self.warnings)
 
     @property
@@ -117,44 +97,24 @@ class RecordedMotion(ReprMixin):
         return int(np.abs(self.t - time).argmin())
 
 
-class FrameTable(NamedTuple):
-    """The frames of a motion as files have them.
-
-    Attributes:
-        rate: of the frames [Hz].
-        t: times, shape `(k,)` [s].
-        root: position [m] and quaternion xyzw of the floating base in the world, shape `(k, 7)`;
-            `(k, 0)` on a fixed base.
-        joints: positions of `file_joints`, shape `(k, n)` [rad; m for prismatic joints].
-        contact: time of an impact [s]; None without one.
-    """
-
-    rate: float
-    t: Array
-    root: Array
-    joints: Array
-    contact: float | None
-
-
 def as_recorded(motion: "RecordedMotion | Any") -> RecordedMotion:
     """Return a recorded motion, of a planned `Motion` `PLAN_RATE` times a second."""
     if isinstance(motion, RecordedMotion):
         return motion
     samples: MotionSamples = motion.samples(PLAN_RATE)
-    table = FrameTable(samples.rate, samples.t, samples.root, samples.joint_positions, 0.0)
-    return record(samples.leg, table, UNSMOOTHED)
+    return record(samples.leg, samples.rate, samples.t, samples.q, 0.0, UNSMOOTHED)
 
 
 def record(
-    leg: Leg, table: FrameTable, window: int = WINDOW, warnings: tuple[str, ...] = ()
+    leg: Leg,
+    rate: float,
+    t: Array,
+    q: Array,
+    contact: float | None = None,
+    window: int = WINDOW,
+    warnings: tuple[str, ...] = (),
 ) -> RecordedMotion:
-    """Return the motion of frames, with velocities and accelerations.
-
-    Args:
-        leg: that moves.
-        table: its frames; unit quaternions.
-        window: number of frames through which a polynomial is fitted; 5 do not smooth.
-        warnings: of the motion.
+    """Return the motion of frames with velocities and accelerations; see `RecordedMotion`.
 
     Raises:
         InvalidInput: an even window, one of less than 5 frames, or of more than there are frames
@@ -163,45 +123,27 @@ def record(
     window = validation.whole("window", window, at_least=UNSMOOTHED)
     if window % 2 == 0:
         raise InvalidInput(f"window is {window}: it must be odd, so that a frame is in its middle")
-    pieces, model = _pieces(table, window), leg.workspace.model
-    names = file_joints(leg)
-    numbers = [int(model.getJointId(name)) for name in names]
-    turns = [column for column, joint in enumerate(numbers) if model.nqs[joint] == 2]
-    columns = [int(model.idx_vs[joint]) for joint in numbers]
-    joints, root = np.array(table.joints), np.zeros((len(table.t), 0))
-    joints[:, turns] = np.unwrap(joints[:, turns], axis=0)
-    q = np.zeros((len(table.t), leg.nq))
-    if table.root.size:
-        base = model.jointPlacements[1]
-        place = (table.root[:, :3] - base.translation) @ base.rotation
-        turn = Rotation.from_matrix(base.rotation).inv() * Rotation.from_quat(table.root[:, 3:])
-        q[:, :BASE] = root = np.hstack([place, continuous(turn.as_quat())])
-    for joint, angle in zip(numbers, joints.T, strict=True):
-        index, size = int(model.idx_qs[joint]), int(model.nqs[joint])
-        q[:, index : index + size] = (
-            np.column_stack([np.cos(angle), np.sin(angle)]) if size == 2 else angle[:, None]
-        )
-    frames = np.hstack([root, joints])
-    smooth, v, a = _motion(frames, pieces, (window, table.rate), columns, leg.nv)
-    smoothing = list[Smoothing]()
+    split = len(t) if contact is None else np.count_nonzero(t <= contact + 1e-6 / rate)
+    pieces = _pieces(len(t), int(split), window)
+    joints, floats = positions_of(leg, q), is_floating(leg)
+    turning = np.array(leg.workspace.model.nqs[1 + floats :]) == 2
+    joints[:, turning] = np.unwrap(joints[:, turning], axis=0)
+    root = moved_poses(pin.SE3.Identity(), q[:, :BASE]) if floats else q[:, :0]
+    frames, fit = np.hstack([root, joints]), (rate, floats)
+    smooth, v, a = _derivatives(frames, pieces, window, *fit)
+    smoothing = list[Row]()
     if window > UNSMOOTHED:
-        _, raw, _ = _motion(frames, pieces, (UNSMOOTHED, table.rate), columns, leg.nv)
-        units = [leg.joint_unit(name) for name in names]
-        labels = list(zip(names, units, strict=True))
-        moved = np.split(smooth - frames, [root.shape[1]], axis=1)
-        smoothing = _smoothing("position", "", moved, labels, table.t)
-        changed = [(v - raw)[:, :6] if root.size else root, (v - raw)[:, columns]]
-        smoothing += _smoothing("velocity", "/s", changed, labels, table.t)
+        moved, changed = smooth - frames, v - _derivatives(frames, pieces, UNSMOOTHED, *fit)[1]
+        moved[:, 3 : root.shape[1]] *= 2.0  # of a quaternion, half the angle
+        smoothing += _largest("position", moved, leg, t)
+        smoothing += _largest("velocity", changed, leg, t)
     return RecordedMotion(
-        leg, table.rate, np.array(table.t), q, v, a, table.contact, tuple(smoothing), warnings
+        leg, rate, np.array(t), np.array(q), v, a, contact, tuple(smoothing), warnings
     )
 
 
-def _pieces(table: FrameTable, window: int) -> list[slice]:
-    """Return the frames until the impact, and those after it."""
-    count, split = len(table.t), len(table.t)
-    if table.contact is not None:
-        split = int(np.count_nonzero(table.t <= table.contact + 1e-6 / table.rate))
+def _pieces(count: int, split: int, window: int) -> list[slice]:
+    """Return the frames until the impact, and those after it, where there are any."""
     pieces = [piece for piece in (slice(0, split), slice(split, count)) if piece.start < piece.stop]
     for piece in pieces:
         frames = piece.stop - piece.start
@@ -212,54 +154,42 @@ def _pieces(table: FrameTable, window: int) -> list[slice]:
     return pieces
 
 
-def _motion(
-    frames: Array, pieces: list[slice], fit: tuple[int, float], columns: list[int], nv: int
+def _derivatives(
+    frames: Array, pieces: list[slice], window: int, rate: float, floats: bool
 ) -> tuple[Array, Array, Array]:
-    """Return smoothed frames, v and a.
-
-    Args:
-        frames: position and quaternion of a floating base, and joints, shape `(k, 7 + n)`.
-        pieces: frames between which nothing is smoothed.
-        fit: window, and rate [Hz].
-        columns: of the joints in v.
-        nv: size of v.
-    """
-    orders, (window, rate) = np.zeros((3, *frames.shape)), fit
+    """Return smoothed frames, v and a, of base (position, quaternion) and joints in columns."""
+    orders = np.zeros((3, *frames.shape))
     for piece in pieces:
         for order in range(3):
             orders[order, piece] = savgol_filter(
                 frames[piece], window, DEGREE, order, 1.0 / rate, axis=0
             )
-    v, a = np.zeros((2, len(frames), nv))
-    base = frames.shape[1] - len(columns)
-    v[:, columns], a[:, columns] = orders[1:, :, base:]
+    smooth, v, a = orders
+    if not floats:
+        return smooth, v, a
+    turn, turned, accelerated = orders[:, :, 3:BASE]
+    rotation, omega = Rotation.from_quat(turn).inv(), _doubled(turn, turned)
+    linear = rotation.apply(v[:, :3])
+    change = rotation.apply(a[:, :3]) - np.cross(omega, linear)
+    v = np.hstack([linear, omega, v[:, BASE:]])
+    return smooth, v, np.hstack([change, _doubled(turn, accelerated), a[:, BASE:]])
+
+
+def _largest(quantity: str, changes: Array, leg: Leg, t: Array) -> Iterable[Row]:
+    """Yield rows of the largest changes of joints, and of position and rotation of a base."""
+    names, per = file_joints(leg), "/s" if quantity == "velocity" else ""
+    base = changes.shape[1] - len(names)
+    parts = {"joints": np.abs(changes[:, base:])}
     if base:
-        turn, turned, accelerated = orders[:, :, 3:BASE]
-        rotation, omega = Rotation.from_quat(turn).inv(), _doubled(turn, turned)
-        linear = rotation.apply(orders[1, :, :3])
-        v[:, :6] = np.hstack([linear, omega])
-        a[:, :3] = rotation.apply(orders[2, :, :3]) - np.cross(omega, linear)
-        a[:, 3:6] = _doubled(turn, accelerated)
-    return orders[0], v, a
-
-
-def _smoothing(
-    quantity: str, per: str, changes: list[Array], joints: list[tuple[str, str]], t: Array
-) -> list[Smoothing]:
-    """Return the largest changes of the joints, with their names and units, and of the base."""
-    base, of_joints = changes
-    parts = [("joints", np.abs(of_joints), joints)]
-    if base.size:
-        turned = np.linalg.norm(base[:, 3:], axis=1) * (2.0 if base.shape[1] == BASE else 1.0)
-        parts.append(("base position", np.linalg.norm(base[:, :3], axis=1)[:, None], [("", "m")]))
-        parts.append(("base rotation", turned[:, None], [("", "rad")]))
-    found = []
-    for part, sizes, labels in parts:
+        parts["base position"] = np.linalg.norm(changes[:, :3], axis=1)[:, None]
+        parts["base rotation"] = np.linalg.norm(changes[:, 3:base], axis=1)[:, None]
+    for part, sizes in parts.items():
         frame, column = divmod(int(sizes.argmax()), sizes.shape[1])
-        name, unit = labels[column]
-        amount = float(sizes[frame, column])
-        found.append(Smoothing(quantity, part, amount, unit + per, name, float(t[frame])))
-    return found
+        unit, joint = "m" if part == "base position" else "rad", ""
+        if part == "joints":
+            unit, joint = leg.joint_unit(names[column]), f" of {names[column]}"
+        where = f"{unit}{per}{joint} at {t[frame]:.4g} s"
+        yield f"smoothing, {quantity} of {part}", float(sizes[frame, column]), where
 
 
 def _doubled(q: Array, other: Array) -> Array:

@@ -15,7 +15,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.compilation import MachineCode, Source
-from kickdyn.core.differences import difference_slopes
+from kickdyn.core.mechanics import difference_slopes
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.equations import FINEST, MAX_SPEED, tolerances

@@ -315,7 +315,7 @@ class Impact(AfterApproach):
         Raises:
             InvalidInput: what `uncertainty` refuses.
         """
-        from kickdyn.core.joint_plot import joint_figure  # matplotlib takes half a second
+        from kickdyn.core.plot_style import joint_figure
 
         sizes = np.linalg.norm(self.joint_impulses[:, :3], axis=1).tolist()
         joints = self.uncertainty(**spread).joints if spread else {}

@@ -14,6 +14,7 @@ from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.files import finite
+from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 SHOWN_LIMITS = 12
 """Number of broken limits in the rows that are shown."""
+
+DRAWN_LIMITS = 5
+"""Number of broken limits that are drawn."""
 
 AT_REST = 1e-3
 """Horizontal speed of a foot up to which it strikes no ball [m/s]."""
@@ -116,11 +120,36 @@ class MotionCheck(ReprMixin):
         sizes = np.linalg.norm(impulses, axis=1)
         return str(self.launches.joint.values[first + sizes.argmax()]), float(sizes.max())
 
+    @styled()
     def plot(self) -> Any:
         """Return a figure of matplotlib: ball, its launch and its place, and margins over time."""
-        from kickdyn.motion.motion_plot import check_figure  # it imports matplotlib
+        from matplotlib.figure import Figure
 
-        return check_figure(self)
+        table = self.launches
+        time, centre = table.time.values, table.ball_position.values
+        figure = Figure(figsize=(9.0, 9.0))
+        rows = figure.subplots(4, 1, sharex=True)
+        for axes, label, values in (
+            (rows[0], "ball speed [m/s]", table.ball_speed.values[:, None]),
+            (rows[1], "elevation [deg]", np.degrees(table.elevation.values)[:, None]),
+            (rows[2], "centre of the ball [m]", centre[:, :2]),
+        ):
+            axes.plot(time, values)
+            axes.set_ylabel(label)
+        rows[2].legend(rows[2].lines, ["x", "y"])
+        worst = sorted(self.broken, key=lambda limit: -limit.frames)[:DRAWN_LIMITS]
+        for limit in worst:
+            name = limit.name if limit.unit == "1" else f"{limit.name} [{limit.unit}]"
+            rows[3].plot(time, self.margins[name], label=name.replace("$", r"\$"))
+        rows[3].set_ylabel("margin")
+        if worst:
+            rows[3].legend()
+        for axes in rows:
+            if self.best is not None:
+                axes.axvline(time[self.best], color="0.6", linewidth=1, linestyle=":")
+        rows[3].set_xlabel("time [s]")
+        figure.suptitle((self.motion.leg.name or "leg").replace("$", r"\$"))
+        return figure
 
     def to_json(self) -> dict[str, Any]:
         """Return the best frame, launches and broken limits for JSON, with null for nan."""

@@ -38,10 +38,9 @@ from kickdyn.planning.kick_steps import (
     plan_flight_launch,
     plan_pass_launch,
 )
-from kickdyn.planning.kick_terms import BallPosition, Facing, Objective
+from kickdyn.planning.kick_terms import BallPosition, Facing, MuscleTorqueLimit, Objective
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.moving_kick import plan_interception
-from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import OBJECTIVES
 from kickdyn.planning.passes import Pass
 from kickdyn.planning.stance import Balance

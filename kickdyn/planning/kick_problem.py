@@ -26,6 +26,7 @@ from kickdyn.planning.kick_terms import (
     JointRange,
     KickPoint,
     KickVariables,
+    MuscleTorqueLimit,
     Objective,
     SpeedLimit,
     StrikeVelocity,
@@ -34,7 +35,6 @@ from kickdyn.planning.kick_terms import (
     place_exactly,
     turn_to_ball,
 )
-from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import LargestShare
 from kickdyn.planning.problem import TOLERANCE, Function, Problem, Solver, Term, slsqp
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright

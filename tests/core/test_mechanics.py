@@ -1,8 +1,19 @@
 import numpy as np
 import pytest
-from tolerances import agrees, closed_form
+from tolerances import agrees, closed_form, differenced
 
-from kickdyn.core.mechanics import rotation_between
+from kickdyn.core.mechanics import cross, cross3, difference_slopes, largest, rotation_between
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_cross_product_is_numpys(seed):
+    a, b = np.random.default_rng(seed).normal(size=(2, 3))
+    assert cross(a, b) == pytest.approx(np.cross(a, b), rel=closed_form(), abs=closed_form())
+    assert cross3(a.tolist(), b.tolist()) == pytest.approx(tuple(cross(a, b)), rel=closed_form())
+
+
+def test_largest_is_by_size():
+    assert largest(np.array([1.0, -3.0, 2.0])) == 3.0
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -15,3 +26,31 @@ def test_the_least_rotation_turns_one_direction_into_another(apart, sign):
     agrees(turn @ a, b, closed_form())
     agrees(turn @ turn.T, np.eye(3), closed_form())
     assert np.trace(turn) == pytest.approx(1.0 + 2.0 * a @ b, abs=closed_form())
+
+
+def test_slopes_of_fourth_order_polynomials_are_exact():
+    """Of rows with steps of their own, by each argument: d/dx (x^4 + x y), d/dy."""
+    x, y, sizes = np.array([0.5, 2.0]), np.array([1.0, -3.0]), np.array([1e-2, 0.1])
+
+    def values(change):
+        a, b = x + change[:, 0], y + change[:, 1]
+        return np.stack([a**4 + a * b, b**3, a - b], axis=1)
+
+    slopes = difference_slopes(values, sizes, 2)
+    right = np.stack([
+        np.stack([4 * x**3 + y, np.zeros(2), np.ones(2)], axis=1),
+        np.stack([x, 3 * y**2, -np.ones(2)], axis=1),
+    ], axis=2)  # fmt: skip
+    assert slopes.shape == (2, 3, 2)
+    assert slopes == pytest.approx(right, rel=closed_form(100), abs=closed_form(100))
+
+
+def test_the_error_falls_with_the_fourth_power_of_the_step():
+    errors = [
+        difference_slopes(lambda change: np.sin(1.0 + change), np.array([h]), 1).item() - np.cos(1)
+        for h in (0.2, 0.1)
+    ]
+    assert errors[0] / errors[1] == pytest.approx(16, rel=0.02)
+    assert errors[0] == pytest.approx(-np.cos(1) * 0.2**4 / 30, rel=0.02)  # h^4 f^(5) / 30
+    fine = difference_slopes(lambda change: np.sin(1.0 + change), np.array([1e-3]), 1).item()
+    assert fine == pytest.approx(np.cos(1), rel=differenced(4))

@@ -35,7 +35,7 @@ from .impact.collide import Collision as Collision
 from .impact.collide import collide as collide
 from .impact.collide_many import collide_many as collide_many
 from .impact.impact_result import Impact as Impact
-from .impact.joint_load import joint_loads as joint_loads
+from .impact.impact_result import joint_loads as joint_loads
 from .impact.laws import normal_impulse as normal_impulse
 from .impact.strike import strike as strike
 from .impact.strike_many import strike_many as strike_many

@@ -25,8 +25,7 @@ from kickdyn.motion.motion_problem import MotionProblem
 from kickdyn.motion.plan_motion import continue_motion, motion_problem, plan_motion
 from kickdyn.motion.separation import ALLOWED as DEEPEST
 from kickdyn.motion.separation import Conditions
-from kickdyn.motion.solution import Multipliers, Solution
-from kickdyn.motion.splines import MotionSplines, integration_weights
+from kickdyn.motion.splines import MotionSplines, Multipliers, Solution, integration_weights
 from kickdyn.motion.verdict import POINTS, Verdict
 from kickdyn.planning.kick import motion_task
 from kickdyn.planning.kick_problem import kick_problem

@@ -8,10 +8,10 @@ from tolerances import integrated
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
-from kickdyn.flight.equations import FINEST, FlightEquations
 from kickdyn.flight.events import CREST, ground_event
 from kickdyn.flight.fly import fly_arc
-from kickdyn.flight.integrate import Tolerance, integrate
+from kickdyn.flight.forces import FINEST, FlightEquations
+from kickdyn.flight.integrate import Tolerance, integrate, trajectory
 
 BALL = kd.Ball()
 

@@ -19,7 +19,13 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.strike_many import StrikeStatus, strike_many
 from kickdyn.motion.motion import Motion
-from kickdyn.motion.recorded_motion import GroundForces, RecordedMotion, as_recorded, ground_forces
+from kickdyn.motion.recorded_motion import (
+    GroundForces,
+    RecordedMotion,
+    as_recorded,
+    feet_of,
+    ground_forces,
+)
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.standing import is_floating
 
@@ -233,10 +239,10 @@ def check_motion(
     friction = validation.number("ground friction", friction, at_least=0)
     warnings, bare = list(recorded.warnings), robot.with_supports()
     try:
-        forces = ground_forces(recorded, robot)
+        forces = ground_forces(recorded, robot, feet_of(robot))
     except InvalidInput as error:
         warnings.append(f"forces of the ground are not known: {error}")
-        forces = GroundForces.unknown(len(recorded.t), robot.nv)
+        forces = ground_forces(recorded, robot, ())
     if is_floating(robot) and not forces.feet:
         warnings.append("no foot is known on which the robot stands: forces of the ground and "
                         "torques are not checked; robot.with_supports(FRAME) (--support) names "

@@ -227,12 +227,6 @@ class GroundForces:
     torque: Array
     wrench: Array
 
-    @classmethod
-    def unknown(cls, count: int, nv: int) -> "GroundForces":
-        """Return the forces of a motion of a robot whose feet are not known."""
-        none = np.full((count, nv), np.nan), np.full((count, 6), np.nan)
-        return cls((), (), np.zeros((count, 0), bool), *none)
-
 
 def feet_of(robot: Leg) -> tuple[Support, ...]:
     """Return a robot's supports, or its foot of the catalogue, and its kicking foot.
@@ -247,7 +241,7 @@ def feet_of(robot: Leg) -> tuple[Support, ...]:
     return (*others, Support(robot.frame)) if others else ()
 
 
-def ground_forces(motion: RecordedMotion, robot: Leg) -> GroundForces:
+def ground_forces(motion: RecordedMotion, robot: Leg, feet: tuple[Support, ...]) -> GroundForces:
     r"""Return the forces of a motion by inverse dynamics, :math:`M \dot v + c + g - J^T w`.
 
     A foot stands if its sole is within `HEIGHT` of the lowest one in the frame, and slower than
@@ -256,7 +250,7 @@ def ground_forces(motion: RecordedMotion, robot: Leg) -> GroundForces:
     Raises:
         InvalidInput: a foot has no flat sole.
     """
-    feet, model, count = feet_of(robot), robot.model, len(motion.t)
+    model, count = robot.model, len(motion.t)
     data, frames = model.createData(), [frame_id(model, foot.frame) for foot in feet]
     local = [sole_corners(robot, foot) for foot in feet]
     soles = tuple(np.zeros((count, len(corners), 3)) for corners in local)

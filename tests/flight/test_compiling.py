@@ -13,36 +13,7 @@ from tolerances import EPSILON
 
 from kickdyn.aerodynamics import drag
 from kickdyn.flight import compiling
-from kickdyn.flight.compiling import LANES, SIZE, compiled_rates, fingerprint, mathematics
-from kickdyn.flight.forces import FlightEquations
-
-BALL = kd.Ball()
-
-
-def lanes(fast):
-    """Return scene and state of `LANES` balls; if fast, all beyond Reynolds number 7e4."""
-    draw = np.random.default_rng(4)
-    scene = np.vstack([draw.uniform(0, 9, LANES), draw.normal(0, 40, (3, LANES)),
-                       np.arange(LANES) % 2])  # fmt: skip
-    velocity = draw.normal(size=(3, LANES))
-    speed = draw.uniform(*((8, 30) if fast else (0.1, 9)), LANES)
-    velocity *= speed / np.linalg.norm(velocity, axis=0)
-    return scene, np.vstack([draw.normal(size=(3, LANES)), velocity, draw.uniform(0.5, 1, LANES)])
-
-
-@pytest.mark.parametrize("fast", [True, False])
-def test_rates_side_by_side_are_those_of_each_flight(fast):
-    """Without branches above the drag crisis, and with them for balls that are slower."""
-    air = kd.Air(drag="brazuca", wind=(0.5, -0.3, 0.1))
-    scene, state = lanes(fast)
-    result = np.zeros(SIZE)
-    compiled_rates(BALL, air)(scene.ravel(), state.ravel(), result)
-    for i in range(LANES):
-        height, *spin, decays = scene[:, i].tolist()
-        launch = kd.BallState((0, 0, height), (1, 2, 3), spin)
-        right = np.array(FlightEquations(launch, BALL, air).rates(0.0, state[:, i]))
-        right[6] *= decays
-        assert result[i::LANES] == pytest.approx(right, rel=closed_form(1e3), abs=closed_form()), i
+from kickdyn.flight.compiling import fingerprint, mathematics
 
 
 @numba.njit

@@ -11,7 +11,7 @@ from kickdyn.aerodynamics.drag import constant
 from kickdyn.flight.events import CREST, ground_event
 from kickdyn.flight.fly import fly_arc
 from kickdyn.flight.forces import FINEST, FlightEquations
-from kickdyn.flight.integrate import Tolerance, integrate, trajectory
+from kickdyn.flight.integrate import Tolerance, integrate
 
 BALL = kd.Ball()
 

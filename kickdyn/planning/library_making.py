@@ -126,7 +126,7 @@ class LibraryMaking:
                 "angles": np.array([*kicks.aside.values()]), "near": kicks.near,
             })  # fmt: skip
         first = _read_arrays(stored)
-        if str(first["settings"]) != settings:
+        if str(first.get("settings")) != settings:
             raise InvalidInput(
                 f"{self.folder} has parts of a library with other settings: remove it"
             )

@@ -35,7 +35,7 @@ from scipy.integrate import solve_ivp
 import kickdyn as kd
 from kickdyn.core.validation import Array
 from kickdyn.flight.batch import fly_many
-from kickdyn.flight.equations import FlightEquations
+from kickdyn.flight.forces import FlightEquations
 
 BALL, ROUNDS = kd.Ball(), 5
 AIRS = {"brazuca": kd.Air(drag="brazuca"), "constant": kd.Air(drag=0.2, lift=0.15, torque=0.01)}

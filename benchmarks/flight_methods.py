@@ -13,9 +13,8 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
 from kickdyn.flight.batch import fly_many
-from kickdyn.flight.equations import FlightEquations
 from kickdyn.flight.fly import fly
-from kickdyn.flight.forces import downward
+from kickdyn.flight.forces import FlightEquations, downward
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
 

@@ -127,9 +127,8 @@ def landing_error(case: Case, plan: kd.KickPlan) -> float:
 def finds_kick(case: Case, draw: np.random.Generator) -> bool:
     """Return whether random times and postures give a kick that keeps the plan's conditions."""
     settings = KickSettings(
-        case.goal, BALL, AIR, checked_contact(case.contact), KickObjective.JOINT_SPEED, True, None,
-        "slsqp",
-    )  # fmt: skip
+        case.goal, BALL, AIR, checked_contact(case.contact), KickObjective.JOINT_SPEED, True, None
+    )
     balls, reach = Interceptor(case.leg, settings, case.incoming), reach_of(case.leg, BALL)
     problem: KickProblem | None = None
     for wait in _random_waits(balls, reach, draw):

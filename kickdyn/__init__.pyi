@@ -35,7 +35,7 @@ from .impact.collide import Collision as Collision
 from .impact.collide import collide as collide
 from .impact.collide_many import collide_many as collide_many
 from .impact.impact_result import Impact as Impact
-from .impact.joint_load import joint_loads as joint_loads
+from .impact.impact_result import joint_loads as joint_loads
 from .impact.laws import normal_impulse as normal_impulse
 from .impact.strike import strike as strike
 from .impact.strike_many import strike_many as strike_many
@@ -51,10 +51,10 @@ from .planning.kick_library import kick_library as kick_library
 from .planning.kick_plan import KickPlan as KickPlan
 from .planning.launch import Launch as Launch
 from .planning.launch import plan_launch as plan_launch
+from .planning.moving_kick import plan_trap as plan_trap
 from .planning.passes import Pass as Pass
 from .planning.passes import plan_pass as plan_pass
 from .planning.reach import reach as reach
-from .planning.trap import plan_trap as plan_trap
 from .robot.constraints import Support as Support
 from .robot.drives import Drive as Drive
 from .robot.foot_surfaces import FootSurface as FootSurface

@@ -12,7 +12,7 @@ import kickdyn as kd
 from kickdyn.cli.check_file import FileCheck
 from kickdyn.identification.infer_impact import RestitutionFit
 from kickdyn.motion.motion import Motion
-from kickdyn.motion.recorded_motion import FrameTable, record
+from kickdyn.motion.recorded_motion import record
 from kickdyn.planning.reach import ReachRow, ReachTable
 from kickdyn.simulators.mujoco_fit import KickError
 from kickdyn.simulators.noisy_runs import NoisyRuns
@@ -49,8 +49,7 @@ def recorded():
     """A motion of 20 frames whose knee jumps out of its range, too fast for the leg."""
     angles = POSTURE.q + np.sin(np.arange(20) / 3.0)[:, None] * [0.3, 0.2, 0.1]
     angles[12:, 1] -= 0.5
-    return record(LEG, FrameTable(50.0, np.arange(20) / 50, np.zeros((20, 0)), angles, None),
-                  warnings=("knee",))  # fmt: skip
+    return record(LEG, 50.0, np.arange(20) / 50, angles, warnings=("knee",))
 
 
 def tuning():

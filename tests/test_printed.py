@@ -88,9 +88,9 @@ FORMULAS = {
     ("body", "duration"): lambda body: 0.09,
     ("recorded motion", "frames"): lambda motion: len(motion.t),
     ("recorded motion", "smoothing, position of joints"):
-        lambda motion: (motion.smoothing[0].amount, motion.smoothing[0].time),
+        lambda motion: motion.smoothing[0][1],
     ("recorded motion", "smoothing, velocity of joints"):
-        lambda motion: (motion.smoothing[1].amount, motion.smoothing[1].time),
+        lambda motion: motion.smoothing[1][1],
     ("motion check", "frames"): lambda check: len(check.motion.t),
     ("motion check", "frames with an impact"):
         lambda check: np.isfinite(check.launches.ball_speed.values).sum(),

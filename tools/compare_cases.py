@@ -313,7 +313,7 @@ scene(law="soft"); hit("inflated", ball=kd.Ball()); hit().uncertainty(spin=3); h
 kd.joint_loads(hit(), 0.0); kd.unilateral_strike(POSTURE, V, BALL, ROUGH); collide(stiffness=1e5, contact_time=0.01); kd.fly_many(LAUNCH, BALL)
 kd.strike_many(HUMAN, [POSTURE.q], [V, V], BALL, ROUGH); fly(tol=1.0); fly(ground=kd.Ground(2.0)); fly(plane=kd.Plane((-3, 1, 0), (-2, 1, 0)))
 sweep(axes={"hipp": [0.1]}); sweep(axes={"hip": [0.2, 0.1]}); sweep(resume=True); kd.open_sweep("no.zarr"); kd.load_scene("no.toml")
-kd.load_scene(file("a.toml", "[ball")); kd.simulate_many(scene(), 0); kick(objective="speed"); kick(solver="magic"); kick(leg_name="four-bar")
+kd.load_scene(file("a.toml", "[ball")); kd.simulate_many(scene(), 0); kick(objective="speed"); kick(leg_name="four-bar")
 kick(kd.Goal(300, time=1.2)); kd.plan_trap(HUMAN, ROLLING, BALL, velocity=(2, 0.5, 1)); kd.reach(HUMAN, BALL, elevations=[95.0])
 fit(free=("drag", "drag-scale")); fit(kd.Track([0, 1], np.eye(3)[:2])); kd.Track.from_csv(file("a.csv", "t,x,y\\n0,1,2\\n")); kd.page(3)
 kd.fit_restitution([infer()], 3); kd.Learner(GOALS["receiver"], BALL, AIR); kd.page(HUMAN).save("a.docx"); kd.Leg.from_mjcf(file("a.xml", "<x>"), "x")

@@ -55,16 +55,13 @@ class RangeOptions:
 
     def ranges(self) -> dict[str, Any]:
         """Return the ranges in SI units."""
-        named = {
-            "speed": self.speed, "elevation": self.elevation, "azimuth": self.azimuth,
-            "x": self.x, "y": self.y,
-        }  # fmt: skip
-        angles = "elevation", "azimuth"
-        return {
-            name: None if text is None else _range(name, text, math.radians(1.0) if name in angles
-                                                   else 1.0)
-            for name, text in named.items()
-        }  # fmt: skip
+        ranges = dict[str, Any]()
+        for name in AXES:
+            if (text := getattr(self, name)) is not None:
+                values = _numbers(name, text, (1, 2), "LOW,HIGH or a value, such as 7.2,8.2")
+                scale = math.radians(1.0) if name in ("elevation", "azimuth") else 1.0
+                ranges[name] = scale * values[0], scale * values[-1]
+        return ranges
 
     def executor(self) -> AbstractContextManager[Executor | None]:
         """Return the processes that plan motions; None with a single one."""
@@ -139,26 +136,22 @@ def kick_library(
     output.name_written(output.out)
 
 
-def _range(name: str, text: str, unit: float) -> tuple[float, float]:
-    """Return the least and the largest value of `LOW,HIGH` or `VALUE`, in SI units."""
-    try:
-        values = [unit * float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) not in (1, 2):
-        raise InvalidInput(f"{name} is {text!r}: it must be LOW,HIGH or a value, such as 7.2,8.2")
-    return values[0], values[-1]
-
-
-def _kick(library: KickLibrary, text: str) -> LibraryKick:
-    """Return the kick at `SPEED,ELEVATION[,X,Y]`."""
+def _numbers(name: str, text: str, counts: tuple[int, ...], form: str) -> list[float]:
+    """Return the numbers between commas, of which there must be one of some counts."""
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
         values = []
-    if len(values) not in (2, 4):
-        raise InvalidInput(f"--kick is {text!r}: it must be SPEED,ELEVATION or SPEED,ELEVATION,X,Y")
+    if len(values) not in counts:
+        raise InvalidInput(f"{name} is {text!r}: it must be {form}")
+    return values
+
+
+def _kick(library: KickLibrary, text: str) -> LibraryKick:
+    """Return the kick at `SPEED,ELEVATION[,X,Y]`."""
+    form = "SPEED,ELEVATION or SPEED,ELEVATION,X,Y"
+    speed, elevation, *place = _numbers("--kick", text, (2, 4), form)
     point = 0.5 * (library.reader.lower + library.reader.upper)
-    point[:2] = values[0], math.radians(values[1])
-    point[len(AXES) - len(values[2:]) :] = values[2:]
+    point[:2] = speed, math.radians(elevation)
+    point[len(AXES) - len(place) :] = place
     return library.kick_at(np.array(point))

@@ -29,6 +29,7 @@ from kickdyn.planning.interception import IncomingBall
 from kickdyn.planning.kick import BOTH_FEET, plan_kick
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import SPEED_LIMIT, OutOfReach
+from kickdyn.planning.moving_kick import plan_trap
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.plan_report import (
     WALL_CLEARANCE,
@@ -36,7 +37,6 @@ from kickdyn.planning.plan_report import (
     describe_passage,
     unreachable_json,
 )
-from kickdyn.planning.trap import plan_trap
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
 from kickdyn.scene.pitch import Wall, check_before, read_wall

@@ -17,9 +17,15 @@ T = TypeVar("T")
 
 
 def in_order(
-    executor: Executor, function: Callable[[A], T], arguments: Iterable[A], ahead: int
+    executor: Executor | None, function: Callable[[A], T], arguments: Iterable[A], ahead: int
 ) -> Iterator[T]:
-    """Yield the results of a function, in the order of arguments; `ahead` are submitted ahead."""
+    """Yield the results of a function, in the order of arguments; `ahead` are submitted ahead.
+
+    Without an executor, they are computed in this thread.
+    """
+    if executor is None:
+        yield from map(function, arguments)
+        return
     waiting, submitted = iter(arguments), deque[Future[T]]()
     try:
         while True:

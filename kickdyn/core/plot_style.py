@@ -1,13 +1,12 @@
 """Style of plots, for which `@styled()` decorates what makes one, and writing them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-from matplotlib.figure import Figure
+import numpy as np
 
 from kickdyn.core.files import replacing
 from kickdyn.errors import InvalidInput
@@ -42,6 +41,8 @@ def styled() -> Iterator[None]:
 
     A `matplotlibrc` in the working directory, which may come from anyone, could have LaTeX run.
     """
+    import matplotlib as mpl  # takes half a second
+
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(STYLE)
@@ -56,8 +57,25 @@ def check_name(path: str | PathLike[str]) -> None:
         )
 
 
-def save_figure(figure: Figure, path: str | PathLike[str]) -> None:
+def save_figure(figure: Any, path: str | PathLike[str]) -> None:
     """Write a figure as PNG, SVG or PDF, by its ending; raise `InvalidInput` if that fails."""
     check_name(path)
     with replacing(path) as draft, styled():  # labels of ticks are made here
         figure.savefig(draft, dpi=150)
+
+
+@styled()
+def joint_figure(sizes: Mapping[str, float], deviations: Mapping[str, float]) -> Any:
+    """Draw the sizes of the linear impulses in the joints [N s], with their standard deviations."""
+    from matplotlib.figure import Figure
+
+    names = [name.replace("$", r"\$") for name in sizes]  # matplotlib reads formulas there
+    figure = Figure(figsize=(COLUMN_WIDTH, max(1.2, 0.35 * len(names) + 0.6)))
+    axes = figure.subplots()
+    spread = [deviations.get(name, 0.0) for name in sizes] if deviations else None
+    axes.barh(np.arange(len(names)), list(sizes.values()), xerr=spread, capsize=3, color="0.65")
+    axes.set_yticks(np.arange(len(names)), names)
+    axes.invert_yaxis()
+    axes.set_xlabel("impulse in the joint [N s]")
+    axes.grid(visible=False, axis="y")
+    return figure

@@ -15,10 +15,9 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.compilation import MachineCode, Source
-from kickdyn.core.differences import difference_slopes
+from kickdyn.core.mechanics import difference_slopes
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
-from kickdyn.flight.equations import FINEST, MAX_SPEED, tolerances
 from kickdyn.flight.events import (
     NUMBERS,
     Event,
@@ -40,7 +39,16 @@ from kickdyn.flight.flight_result import (
     refinement,
 )
 from kickdyn.flight.fly import fly_arc
-from kickdyn.flight.forces import VACUUM, brakes, downward, fall_to_planes, is_ballistic
+from kickdyn.flight.forces import (
+    FINEST,
+    MAX_SPEED,
+    VACUUM,
+    brakes,
+    downward,
+    fall_to_planes,
+    is_ballistic,
+    tolerances,
+)
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 

@@ -14,7 +14,6 @@ from kickdyn.core import validation
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
-from kickdyn.flight.equations import MAX_SPEED, FlightEquations, tolerances
 from kickdyn.flight.events import (
     CREST,
     STEEP_CREST,
@@ -27,13 +26,16 @@ from kickdyn.flight.events import (
 )
 from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.forces import (
+    MAX_SPEED,
     STILL_REYNOLDS,
     VACUUM,
+    FlightEquations,
     ballistic,
     brakes,
     downward,
     fall_to_planes,
     is_ballistic,
+    tolerances,
 )
 from kickdyn.flight.integrate import Arc, Tolerance, integrate, trajectory
 from kickdyn.ground import Ground

@@ -12,9 +12,8 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.equations import FINEST
 from kickdyn.flight.events import Event, EventFunction
-from kickdyn.flight.forces import VACUUM, Acceleration, acceleration_function, downward
+from kickdyn.flight.forces import FINEST, VACUUM, Acceleration, acceleration_function, downward
 from kickdyn.flight.integrate import Arc, Tolerance, integrate, trajectory
 from kickdyn.ground import Ground, Surface
 from kickdyn.restitution import restitution_for, rows_of

@@ -176,7 +176,7 @@ class InferredImpact(ReprMixin):
 
         Error bars show one standard deviation to each side, where deviations are known.
         """
-        from kickdyn.core.joint_plot import joint_figure  # matplotlib takes half a second
+        from kickdyn.core.plot_style import joint_figure
 
         return joint_figure(self.joint_sizes, self.joint_deviations)
 

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.core import validation
+from kickdyn.core.plot_style import COLUMN_WIDTH, styled
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
@@ -31,6 +32,9 @@ larger of both may pass."""
 
 SHORT_TIME = 1e-3
 """Time in which a derivative by time is taken [s]."""
+
+DRAWN_TIMES = 200
+"""Number of times that are drawn in each part of the motion."""
 
 AFTER_CONTACT = 0.05
 """Time after a contact that a plot shows [s]."""
@@ -197,6 +201,7 @@ class LegMotion(ReprMixin):
         )
 
     @validation.check_arguments
+    @styled()
     def plot(self, joints: Sequence[str] | None = None) -> Any:
         """Return a matplotlib Figure of joint angles and speeds, one journal column wide.
 
@@ -209,7 +214,7 @@ class LegMotion(ReprMixin):
         Raises:
             InvalidInput: an unknown joint.
         """
-        from kickdyn.identification.leg_motion_plot import leg_motion_figure  # takes half a second
+        from matplotlib.figure import Figure
 
         available = self.leg.single_joints
         names = available if joints is None else list(joints)
@@ -220,7 +225,37 @@ class LegMotion(ReprMixin):
             moment = self.contact.time
             begin, end = moment - CONTACT_WINDOW, moment + AFTER_CONTACT
         clipped = ((max(begin, piece.begin), min(end, piece.end)) for piece in self._pieces)
-        return leg_motion_figure(self, names, [(a, b) for a, b in clipped if a < b])
+        spans = [(a, b) for a, b in clipped if a < b]
+        figure = Figure(figsize=(COLUMN_WIDTH, 4.2))
+        angles, speeds = figure.subplots(2, 1, sharex=True)
+        zero, model = self.contact.time if self.contact else 0.0, self.leg.workspace.model
+        numbers = [model.getJointId(name) for name in names]
+        places, columns = ([of[i] for i in numbers] for of in (model.idx_qs, model.idx_vs))
+        for begin, end in spans:
+            t = np.linspace(begin, end, DRAWN_TIMES)
+            q, v = (np.array([of(x) for x in t]) for of in (self.q, self.v))
+            spread = np.array([self.deviations(x) for x in t])[:, :, columns]
+            for axes, values, sigma in (
+                (angles, np.degrees(q[:, places]), np.degrees(spread[:, 0])),
+                (speeds, v[:, columns], spread[:, 1]),
+            ):
+                axes.set_prop_cycle(None)
+                for k, name in enumerate(names):
+                    labelled = axes is angles and (begin, end) == spans[0]
+                    label = name.replace("$", r"\$") if labelled else None  # "$" begins a formula
+                    (line,) = axes.plot(1e3 * (t - zero), values[:, k], label=label, linewidth=1.2)
+                    low, high = values[:, k] - 1.96 * sigma[:, k], values[:, k] + 1.96 * sigma[:, k]
+                    axes.fill_between(
+                        1e3 * (t - zero), low, high, color=line.get_color(), alpha=0.25
+                    )
+        angles.set_ylabel("angle [deg]")
+        speeds.set(ylabel="speed [rad/s]", xlabel="time [ms]")
+        if self.contact is not None:
+            speeds.set_xlabel("time from the contact [ms]")
+            for axes in (angles, speeds):
+                axes.axvline(0.0, color="0.6", linewidth=1, linestyle=":")
+        figure.legend(loc="outside upper center", ncols=3)
+        return figure
 
     @property
     def warnings(self) -> tuple[str, ...]:

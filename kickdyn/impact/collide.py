@@ -27,11 +27,11 @@ from kickdyn.impact.force_model import (
     LINEAR,
     SHORTEST_CONTACT,
     ForceModel,
+    InflatedForce,
     NormalForce,
     contact_stiffness,
     contact_time_of,
 )
-from kickdyn.impact.inflated_force import InflatedForce
 from kickdyn.impact.integrate_contact import ContactMotion, integrate_contact
 from kickdyn.impact.leg_response import leg_response
 from kickdyn.impact.patch_contact import FootPatch, PatchContact, PatchForce, patch_of

@@ -27,8 +27,8 @@ from kickdyn.impact.contact_motion import (
 )
 from kickdyn.impact.force_model import Load, NormalForce
 from kickdyn.robot.constraints import ConstraintProjector
+from kickdyn.robot.leg_model import Workspace
 from kickdyn.robot.model_validation import cholesky_with_condition
-from kickdyn.robot.workspace import Workspace
 
 Torque = Callable[[float, Array, Array], ArrayLike]
 """Joint torques as a function of time since first contact, q and v."""

@@ -30,7 +30,7 @@ from kickdyn.impact.compliant_contact import (
     Torque,
 )
 from kickdyn.impact.contact_motion import contact_axes
-from kickdyn.impact.inflated_force import (
+from kickdyn.impact.force_model import (
     GAS_EXPONENT,
     InflatedForce,
     compression_work,

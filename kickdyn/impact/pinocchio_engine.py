@@ -14,7 +14,7 @@ from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.leg_response import NO_CONSTRAINTS, response_to_jump
 from kickdyn.robot.leg import Leg, Posture
-from kickdyn.robot.workspace import Workspace
+from kickdyn.robot.leg_model import Workspace
 
 
 def strike_by_pinocchio(

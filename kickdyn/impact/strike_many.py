@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.differences import difference_slopes
 from kickdyn.core.lanes import BATCH, aligned_zeros, blank_records, namespaces
+from kickdyn.core.mechanics import difference_slopes
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, KickdynError, NoImpact
 from kickdyn.impact import strike_kernel as kernel

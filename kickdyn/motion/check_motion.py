@@ -8,20 +8,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.files import finite
+from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.strike_many import StrikeStatus, strike_many
-from kickdyn.motion.ground_forces import GroundForces, ground_forces
 from kickdyn.motion.motion import Motion
-from kickdyn.motion.recorded_motion import RecordedMotion, as_recorded
-from kickdyn.robot.leg import Leg
+from kickdyn.motion.recorded_motion import (
+    GroundForces,
+    RecordedMotion,
+    as_recorded,
+    feet_of,
+    ground_forces,
+)
+from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.standing import is_floating
 
 if TYPE_CHECKING:
@@ -29,6 +34,9 @@ if TYPE_CHECKING:
 
 SHOWN_LIMITS = 12
 """Number of broken limits in the rows that are shown."""
+
+DRAWN_LIMITS = 5
+"""Number of broken limits that are drawn."""
 
 AT_REST = 1e-3
 """Horizontal speed of a foot up to which it strikes no ball [m/s]."""
@@ -116,11 +124,36 @@ class MotionCheck(ReprMixin):
         sizes = np.linalg.norm(impulses, axis=1)
         return str(self.launches.joint.values[first + sizes.argmax()]), float(sizes.max())
 
+    @styled()
     def plot(self) -> Any:
         """Return a figure of matplotlib: ball, its launch and its place, and margins over time."""
-        from kickdyn.motion.motion_plot import check_figure  # it imports matplotlib
+        from matplotlib.figure import Figure
 
-        return check_figure(self)
+        table = self.launches
+        time, centre = table.time.values, table.ball_position.values
+        figure = Figure(figsize=(9.0, 9.0))
+        rows = figure.subplots(4, 1, sharex=True)
+        for axes, label, values in (
+            (rows[0], "ball speed [m/s]", table.ball_speed.values[:, None]),
+            (rows[1], "elevation [deg]", np.degrees(table.elevation.values)[:, None]),
+            (rows[2], "centre of the ball [m]", centre[:, :2]),
+        ):
+            axes.plot(time, values)
+            axes.set_ylabel(label)
+        rows[2].legend(rows[2].lines, ["x", "y"])
+        worst = sorted(self.broken, key=lambda limit: -limit.frames)[:DRAWN_LIMITS]
+        for limit in worst:
+            name = limit.name if limit.unit == "1" else f"{limit.name} [{limit.unit}]"
+            rows[3].plot(time, self.margins[name], label=name.replace("$", r"\$"))
+        rows[3].set_ylabel("margin")
+        if worst:
+            rows[3].legend()
+        for axes in rows:
+            if self.best is not None:
+                axes.axvline(time[self.best], color="0.6", linewidth=1, linestyle=":")
+        rows[3].set_xlabel("time [s]")
+        figure.suptitle((self.motion.leg.name or "leg").replace("$", r"\$"))
+        return figure
 
     def to_json(self) -> dict[str, Any]:
         """Return the best frame, launches and broken limits for JSON, with null for nan."""
@@ -194,20 +227,22 @@ def check_motion(
             f"motion is of {recorded.leg.name} with {recorded.leg.nv} degrees of freedom: robot is "
             f"{robot.name} with {robot.nv}, and must have the same joints"
         )
-    floor = 0.0 if is_floating(robot) else -math.inf  # of bodies under the ground
-    if ground is None:
-        ground = floor if is_floating(robot) else _lowest(robot, contact)
-    else:
+    if ground is not None:
         ground = floor = validation.number("ground", ground, unit="m")
+    elif is_floating(robot):
+        ground = floor = 0.0
+    else:
+        straight = robot.posture(robot.configuration()).with_contact_offset(contact.offset)
+        ground, floor = float(straight.contact_point[2]), -math.inf  # bodies may be under it
     stated = [support.friction for support in robot.supports if support.friction is not None]
     friction = (stated or [FRICTION])[0] if ground_friction is None else ground_friction
     friction = validation.number("ground friction", friction, at_least=0)
     warnings, bare = list(recorded.warnings), robot.with_supports()
     try:
-        forces = ground_forces(recorded, robot)
+        forces = ground_forces(recorded, robot, feet_of(robot))
     except InvalidInput as error:
         warnings.append(f"forces of the ground are not known: {error}")
-        forces = GroundForces.unknown(len(recorded.t), robot.nv)
+        forces = ground_forces(recorded, robot, ())
     if is_floating(robot) and not forces.feet:
         warnings.append("no foot is known on which the robot stands: forces of the ground and "
                         "torques are not checked; robot.with_supports(FRAME) (--support) names "
@@ -221,11 +256,6 @@ def check_motion(
     return replace(check, warnings=tuple(warnings))
 
 
-def _lowest(robot: Leg, contact: Contact) -> float:
-    posture = robot.posture(robot.configuration()).with_contact_offset(contact.offset)
-    return float(posture.contact_point[2])
-
-
 def _launches(
     motion: RecordedMotion, robot: Leg, ball: Ball, contact: Contact, forces: GroundForces,
     ground: float,
@@ -235,19 +265,33 @@ def _launches(
     sizes = {"axis": 3, "joint": len(robot.joint_names), "component": 6}
     for name, (_, _, dimensions) in VARIABLES.items():
         columns[name] = np.full((k, *(sizes[one] for one in dimensions)), np.nan)
-    status = np.full(k, StrikeStatus.NO_IMPACT.flag, np.int8)
     others = forces.stands[:, :-1]  # feet but the kicking one
-    stance = np.where(others.any(axis=1), others.argmax(axis=1) if others.size else 0, -1)
-    faces = np.ones(k, bool)
+    stands = others.any(axis=1)
+    stance = np.where(stands, others.argmax(axis=1) if others.size else -1, -1)
+    status, faces = np.full(k, StrikeStatus.NO_IMPACT.flag, np.int8), np.ones(k, bool)
     for foot in np.unique(stance).tolist():
         leg = robot.with_supports(forces.feet[foot]) if foot >= 0 else robot
-        rows = np.flatnonzero(stance == foot)
-        _strike_rows(columns, status, faces, rows, (leg, motion, ball, contact, ground))
+        rows, velocities, contacts = list[int](), list[Array](), list[Contact]()
+        for row in np.flatnonzero(stance == foot).tolist():
+            posture = leg.posture(motion.q[row]).with_contact_offset(contact.offset)
+            velocity = posture.admissible(motion.v[row])
+            numbers = _ball_ahead(posture, posture.point_velocity(velocity), ball.radius, ground)
+            for name, number in numbers.items():
+                columns[name][row] = number
+            if (normal := numbers.get("normal")) is not None:
+                faces[row] = _may_meet(posture, normal)
+                rows.append(row)
+                velocities.append(velocity)
+                contacts.append(replace(contact, normal=normal))
+        if rows:
+            impacts = strike_many(leg, motion.q[rows], velocities, ball, contacts)
+            status[rows] = impacts.status
+            for name in ("approach_speed", "ball_velocity", "ball_spin", "joint_impulses"):
+                columns[name][rows] = getattr(impacts, name)
     columns["foot_speed"] = np.linalg.norm(columns["foot_velocity"], axis=1)
+    columns["ball_speed"] = np.linalg.norm(columns["ball_velocity"], axis=1)
     vx, vy, vz = columns["ball_velocity"].T
-    columns["ball_speed"] = np.sqrt(vx**2 + vy**2 + vz**2)
-    columns["elevation"] = np.arctan2(vz, np.hypot(vx, vy))
-    columns["azimuth"] = np.arctan2(vy, vx)
+    columns["elevation"], columns["azimuth"] = np.arctan2(vz, np.hypot(vx, vy)), np.arctan2(vy, vx)
     data: dict[str, Any] = {
         name: (("frame", *dimensions), columns[name], {"units": unit, "long_name": meaning})
         for name, (unit, meaning, dimensions) in VARIABLES.items()
@@ -260,7 +304,7 @@ def _launches(
     data |= {
         "status": ("frame", status, flags),
         "faces": ("frame", faces, {"long_name": "whether the foot's surface meets the normal"}),
-        "stands": ("frame", stance >= 0, {"long_name": "whether a foot holds the robot"}),
+        "stands": ("frame", stands, {"long_name": "whether a foot holds the robot"}),
     }
     coordinates = {
         "time": ("frame", motion.t, {"units": "s"}),
@@ -272,41 +316,25 @@ def _launches(
     return xr.Dataset(data, coordinates, attributes)
 
 
-def _strike_rows(
-    columns: dict[str, Array],
-    status: NDArray[np.int8],
-    faces: NDArray[np.bool_],
-    rows: NDArray[np.int64],
-    kick: tuple[Leg, RecordedMotion, Ball, Contact, float],
-) -> None:
-    """Write the strikes of some frames, in which the same foot stands, into columns."""
-    leg, motion, ball, contact, ground = kick
-    frame = leg.workspace.model.frames[leg.frame_id].placement
-    struck, velocities, contacts = list[int](), list[Array](), list[Contact]()
-    for row in rows.tolist():
-        posture = leg.posture(motion.q[row]).with_contact_offset(contact.offset)
-        velocity = posture.admissible(motion.v[row])
-        foot = posture.point_velocity(velocity)
-        height = float(posture.contact_point[2]) - ground
-        columns["foot_velocity"][row], columns["contact_height"][row] = foot, height
-        level = math.hypot(foot[0], foot[1])
-        if not (0.0 < height < 2 * ball.radius and level > AT_REST):
-            continue
-        rise = (ball.radius - height) / ball.radius
+def _ball_ahead(posture: Posture, foot: Array, radius: float, ground: float) -> dict[str, Any]:
+    """Return the variables of a foot with a velocity, and of the ball ahead if it meets one."""
+    height, level = float(posture.contact_point[2]) - ground, math.hypot(foot[0], foot[1])
+    numbers: dict[str, Any] = {"foot_velocity": foot, "contact_height": height}
+    if 0.0 < height < 2 * radius and level > AT_REST:
+        rise = (radius - height) / radius
         ahead = math.sqrt(1.0 - rise**2) / level
         normal = np.array([ahead * foot[0], ahead * foot[1], rise])
-        columns["normal"][row] = normal
-        columns["ball_position"][row] = posture.contact_point + ball.radius * normal
-        columns["effective_mass"][row] = posture.effective_mass(normal)
-        if leg.contact_normal_cone is not None:
-            in_frame = frame.rotation.T @ posture.rotation_world_joint.T @ normal
-            faces[row] = bool((leg.contact_normal_cone @ in_frame >= 0.0).all())
-        struck.append(row)
-        velocities.append(velocity)
-        contacts.append(Contact(normal, contact.restitution, contact.friction, contact.offset))
-    if not struck:
-        return
-    impacts = strike_many(leg, motion.q[struck], velocities, ball, contacts)
-    status[struck] = impacts.status
-    for name in ("approach_speed", "ball_velocity", "ball_spin", "joint_impulses"):
-        columns[name][struck] = getattr(impacts, name)
+        numbers |= {
+            "normal": normal,
+            "ball_position": posture.contact_point + radius * normal,
+            "effective_mass": posture.effective_mass(normal),
+        }
+    return numbers
+
+
+def _may_meet(posture: Posture, normal: Array) -> bool:
+    """Return whether the surface of a foot can meet a ball along a normal."""
+    leg, cone = posture.leg, posture.leg.contact_normal_cone
+    frame = leg.workspace.model.frames[leg.frame_id].placement.rotation
+    in_frame = frame.T @ posture.rotation_world_joint.T @ normal
+    return cone is None or bool((cone @ in_frame >= 0.0).all())

@@ -26,7 +26,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.robot.ground_clearance import Spheres
-from kickdyn.robot.muscle_torque import muscle_share
+from kickdyn.robot.human_body import muscle_share
 from kickdyn.robot.standing import Foot, StandingRobot, sole_edges
 
 FRICTION = 0.7

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from kickdyn.core import validation
+from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.motion.motion_file import MotionSamples, write_motion
@@ -22,6 +23,9 @@ from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.standing import is_floating, place_base
 from kickdyn.robot.surgery import coordinate_indices
+
+DRAWN_TIMES = 400
+"""Number of times before the impact, and as many after it, that are drawn."""
 
 SETTLING = 0.6
 """Time after the impact in which joints that gave way return to rest [s]."""
@@ -216,11 +220,50 @@ class Motion(ReprMixin):
         q, v, a = (values[order] for values in self._every_state(t))
         return self.limits.margins(q, v, a)
 
+    @styled()
     def plot(self) -> Any:
-        """Return a figure of matplotlib: torques and speeds against their limits, and margins."""
-        from kickdyn.motion.motion_plot import motion_figure  # it imports matplotlib
+        """Return a figure of matplotlib: torques and speeds over their limits, and margins [m].
 
-        return motion_figure(self)
+        The impact is at 0, where speeds and torques jump.
+        """
+        from matplotlib.figure import Figure
+
+        robot = self.robot
+        columns = [robot.velocity_index(name) for name in self.joints]
+        torque_limit, speed_limit = robot.effort_limit[columns], robot.velocity_limit[columns]
+        before = np.linspace(self.begin, 0.0, DRAWN_TIMES)
+        after = np.linspace(1e-9, self.end, DRAWN_TIMES)
+        times = np.concatenate([before, after])
+        torque = np.array([self.torque(t)[columns] for t in times]) / torque_limit
+        speed = np.array([self.v(t)[columns] for t in times]) / speed_limit
+        every = [self.margins(t) for t in times]
+        lengths = [name for name in every[0] if name.endswith(" [m]")]
+        figure = Figure(figsize=(9.0, 8.0))
+        rows = figure.subplots(3 if lengths else 2, 1, sharex=True)
+        for axes, label, values in (
+            (rows[0], "torque, % of its limit", torque),
+            (rows[1], "speed, % of its limit", speed),
+        ):
+            axes.plot(before, 100 * values[:DRAWN_TIMES])
+            axes.set_prop_cycle(None)
+            axes.plot(after, 100 * values[DRAWN_TIMES:])
+            axes.set_ylabel(label)
+            axes.set_ylim(-105, 105)
+        for line, name in zip(rows[0].lines, self.joints, strict=False):
+            line.set_label(name.replace("$", r"\$"))  # matplotlib reads formulas between dollars
+        figure.legend(handles=rows[0].lines[: len(columns)], loc="outside lower center", ncols=4)
+        if lengths:
+            for name in lengths:
+                margin = [1e3 * margins[name] for margins in every]
+                rows[2].plot(times, margin, label=name.removesuffix(" [m]"))
+            rows[2].set_ylabel("margin [mm]")
+            rows[2].set_ylim(0, 200)
+            rows[2].legend()
+        for axes in rows:
+            axes.axvline(0.0, color="0.6", linewidth=1, linestyle=":")
+        rows[-1].set_xlabel("time from the impact [s]")
+        figure.suptitle((robot.name or "leg").replace("$", r"\$"))
+        return figure
 
     def samples(self, rate: float = 100.0) -> MotionSamples:
         """Return the motion at a constant rate, 50 to 500 Hz, from rest to rest."""

@@ -51,16 +51,9 @@ class MotionSamples(NamedTuple):
         return file_joints(self.leg)
 
     @property
-    def joint_columns(self) -> list[int]:
-        """Indices of `joints` in v."""
-        return [self.leg.velocity_index(name) for name in self.joints]
-
-    @property
     def joint_positions(self) -> Array:
         """Positions of `joints`, shape `(k, n)` [rad; m for prismatic joints]."""
-        names = self.joints
-        values = [self.leg.joint_values(q) for q in self.q]
-        return np.array([[value[name] for name in names] for value in values])
+        return positions_of(self.leg, self.q)
 
     @property
     def root(self) -> Array:
@@ -70,16 +63,35 @@ class MotionSamples(NamedTuple):
         """
         if not is_floating(self.leg):
             return np.zeros((len(self.t), 0))
-        base = self.leg.model.jointPlacements[1]
-        poses = np.array([pin.SE3ToXYZQUAT(base * pin.XYZQUATToSE3(q[:7])) for q in self.q])
-        return np.hstack([poses[:, :3], continuous(poses[:, 3:])])
+        return moved_poses(self.leg.model.jointPlacements[1], self.q[:, :7])
 
 
-def continuous(quaternions: Array) -> Array:
-    """Return quaternions, shape `(k, 4)`, of which neighbours have the same sign."""
-    flipped = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
-    signs = np.where(np.cumsum(flipped) % 2, -1.0, 1.0)
-    return np.vstack([quaternions[:1], quaternions[1:] * signs[:, None]])
+def moved_poses(frame: Any, poses: Array) -> Array:
+    """Return poses in a `pin.SE3` as poses outside of it, with neighbouring signs the same.
+
+    Poses have positions [m] and quaternions xyzw, shape `(k, 7)`.
+    """
+    outside = np.array([pin.SE3ToXYZQUAT(frame * pin.XYZQUATToSE3(pose)) for pose in poses])
+    flipped = np.sum(outside[1:, 3:] * outside[:-1, 3:], axis=1) < 0.0
+    outside[1:, 3:] *= np.where(np.cumsum(flipped) % 2, -1.0, 1.0)[:, None]
+    return outside
+
+
+def configurations(leg: Leg, root: Array, joints: Array) -> Array:
+    """Return configurations, shape `(k, nq)`, from `root` and `joint_positions` of samples."""
+    model = leg.workspace.model
+    steps = np.hstack([np.zeros((len(joints), 6 * is_floating(leg))), joints])
+    q = np.array([pin.integrate(model, pin.neutral(model), step) for step in steps])
+    if root.size:
+        q[:, :7] = moved_poses(model.jointPlacements[1].inverse(), root)
+    return q
+
+
+def positions_of(leg: Leg, q: Array) -> Array:
+    """Return the positions of `file_joints` in configurations, shape `(k, n)` [rad; m]."""
+    names = file_joints(leg)
+    values = [leg.joint_values(row) for row in q]
+    return np.array([[value[name] for name in names] for value in values])
 
 
 def file_joints(leg: Leg) -> list[str]:
@@ -136,14 +148,14 @@ def _write_csv(samples: MotionSamples, file: Path) -> None:
 
 
 def _write_npz(samples: MotionSamples, file: Path) -> None:
-    columns, root = samples.joint_columns, samples.root
+    root, base = samples.root, 6 * is_floating(samples.leg)
     arrays: dict[str, Any] = {
         "fps": samples.rate,
         "time": samples.t,
         "joint_names": np.array(samples.joints),
         "joint_pos": samples.joint_positions,
-        "joint_vel": samples.v[:, columns],
-        "joint_torque": samples.torque[:, columns],
+        "joint_vel": samples.v[:, base:],
+        "joint_torque": samples.torque[:, base:],
         "root_pos": root[:, :3],
         "root_quat_xyzw": root[:, 3:],
         "ground_wrench": samples.ground_wrench,
@@ -153,10 +165,8 @@ def _write_npz(samples: MotionSamples, file: Path) -> None:
 
 
 def _write_yaml(samples: MotionSamples, file: Path) -> None:
-    columns = samples.joint_columns
-    rows = zip(
-        samples.joint_positions, samples.v[:, columns], samples.torque[:, columns], strict=True
-    )
+    base = 6 * is_floating(samples.leg)
+    rows = zip(samples.joint_positions, samples.v[:, base:], samples.torque[:, base:], strict=True)
     lines = [
         "header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}",
         f"joint_names: {json.dumps(samples.joints)}",  # JSON is YAML

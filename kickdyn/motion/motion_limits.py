@@ -11,7 +11,6 @@ import pinocchio as pin
 
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.motion.ground_forces import GroundForces, moved
 from kickdyn.motion.limits import (
     LEAST_PRESSURE,
     Friction,
@@ -26,7 +25,7 @@ from kickdyn.motion.limits import (
     with_unit,
 )
 from kickdyn.motion.motion_file import ranges_of
-from kickdyn.motion.recorded_motion import RecordedMotion
+from kickdyn.motion.recorded_motion import GroundForces, RecordedMotion, moved
 from kickdyn.robot.collisions import find_self_collisions
 from kickdyn.robot.ground_clearance import TOLERANCE, find_depths
 from kickdyn.robot.leg import Leg

@@ -43,8 +43,15 @@ from kickdyn.motion.separation import (
     Conditions,
     Surroundings,
 )
-from kickdyn.motion.solution import TOLERANCE, Multipliers, Solution, taken_over
-from kickdyn.motion.splines import MotionSplines, integration_weights, per_joint
+from kickdyn.motion.splines import (
+    TOLERANCE,
+    MotionSplines,
+    Multipliers,
+    Solution,
+    integration_weights,
+    per_joint,
+    taken_over,
+)
 from kickdyn.motion.symbolic_tree import SymbolicTree
 from kickdyn.motion.weight_shift import Feet
 from kickdyn.robot.kicking_chain import rest_configuration

@@ -2,27 +2,161 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from typing import NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from kickdyn.core import validation
+from kickdyn.core.files import check_file, read_text
 from kickdyn.core.validation import Array
-from kickdyn.errors import FaultyFile, InvalidInput
-from kickdyn.motion.motion_file import file_joints, ranges_of
-from kickdyn.motion.motion_reader import BASE_COLUMNS, MotionTable, read_table
-from kickdyn.motion.recorded_motion import (
-    LEAST_FRAMES,
-    WINDOW,
-    FrameTable,
-    RecordedMotion,
-    record,
-)
+from kickdyn.errors import FaultyFile, InvalidInput, shortened
+from kickdyn.motion.motion_file import configurations, file_joints, ranges_of
+from kickdyn.motion.recorded_motion import LEAST_FRAMES, WINDOW, RecordedMotion, record
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.names import MAX_FAULTY, listed
 from kickdyn.robot.standing import is_floating
+
+LARGEST = 500_000_000
+"""Size of the largest file of a motion that is read [bytes]."""
+
+BASE_COLUMNS = 7
+"""Columns of the floating base in a CSV file: its position and its quaternion."""
+
+
+class MotionTable(NamedTuple):
+    """What a file has of a motion.
+
+    Attributes:
+        source: name of the file.
+        joints: positions of the joints, shape `(k, n)`; of a CSV file, with the base before them.
+        root: position and quaternion of the base, shape `(k, 7)`; None without, or in `joints`.
+        quaternion: order of the quaternions in `root`; empty if the file does not say it.
+        names: of the joints, or of the columns of a CSV file; empty without.
+        rate: of the frames [Hz]; None without.
+        t: times, shape `(k,)` [s, impact at 0]; None without.
+        bodies: positions of bodies in the world, shape `(k, m, 3)` [m]; None without.
+    """
+
+    source: str
+    joints: Array
+    root: Array | None = None
+    quaternion: str = ""
+    names: tuple[str, ...] = ()
+    rate: float | None = None
+    t: Array | None = None
+    bodies: Array | None = None
+
+    def fault(self, text: str) -> FaultyFile:
+        """Return the error of a fault of the file."""
+        return FaultyFile(self.source, [text])
+
+
+def read_table(file: str | os.PathLike[str]) -> MotionTable:
+    """Return the table of a file by its ending, one of `READERS`.
+
+    Raises:
+        InvalidInput: another ending.
+        FaultyFile: the file cannot be read, or has no motion.
+    """
+    ending = Path(file).suffix.lower()
+    if ending not in READERS:
+        raise InvalidInput(
+            f"{shortened(str(file))} has the extension {ending!r}: a motion is read from "
+            f"{' and '.join(READERS)} files"
+        )
+    return READERS[ending](file, str(file))
+
+
+def _read_csv(file: str | os.PathLike[str], source: str) -> MotionTable:
+    text = read_text(file, source, LARGEST, FaultyFile)
+    if not text.strip():
+        raise FaultyFile(source, ["is empty"])
+    head, _, _ = text.lstrip().partition("\n")
+    names = tuple(word.strip().strip('"') for word in head.split(","))
+    has_header = not all(map(_is_number, names))
+    try:
+        if "\n" not in text.strip():
+            raise ValueError("a motion has several rows")
+        table = np.loadtxt(StringIO(text), delimiter=",", ndmin=2, skiprows=int(has_header))
+    except ValueError as error:
+        raise FaultyFile(source, [f"is no table of numbers: {error}"]) from None
+    if has_header and len(names) != table.shape[1]:
+        counts = f"{len(names)} names in its first line and {table.shape[1]} columns"
+        raise FaultyFile(source, [f"has {counts}: each column needs a name"])
+    return MotionTable(source, _finite(table, source, ""), names=names if has_header else ())
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _read_npz(file: str | os.PathLike[str], source: str) -> MotionTable:
+    check_file(file, source, LARGEST, FaultyFile)
+    try:
+        with np.load(file, allow_pickle=False) as read:
+            arrays = {name: read[name] for name in (*_SHAPES, "fps", "joint_names")
+                      if name in read.files and read[name].size}  # fmt: skip
+    except (BadZipFile, ValueError, OSError, EOFError, AttributeError) as error:
+        raise FaultyFile(source, [f"is no NPZ file of arrays: {error}"]) from None
+    if "joint_pos" not in arrays:
+        raise FaultyFile(source, ["has no joint_pos, the positions of the joints"])
+    names = tuple(map(str, np.ravel(arrays.pop("joint_names", ()))))
+    fps = np.ravel(arrays.pop("fps", ()))
+    k = len(arrays["joint_pos"])
+    for name, shape in _SHAPES.items():
+        array = arrays.get(name, np.zeros(0))
+        fits = array.ndim == len(shape) and array.dtype.kind in "fiu" and len(array) == k
+        if name in arrays and not (fits and shape[-1] in (None, array.shape[-1])):
+            raise FaultyFile(source, [f"has {name} of shape {array.shape} for {k} frames"])
+        arrays[name] = _finite(np.asarray(array, float), source, name)
+    root, quaternion, bodies = None, "", None
+    if arrays["root_pos"].size and arrays["root_quat_xyzw"].size:
+        root, quaternion = np.hstack([arrays["root_pos"], arrays["root_quat_xyzw"]]), "xyzw"
+    elif arrays["body_pos_w"].size and arrays["body_quat_w"].size:
+        bodies, quaternion = arrays["body_pos_w"], "wxyz"
+        root = np.hstack([bodies[:, 0], arrays["body_quat_w"][:, 0]])
+    rate = float(fps[0]) if fps.size == 1 and fps.dtype.kind in "fiu" else None
+    t = arrays["time"] if arrays["time"].size else None
+    return MotionTable(source, arrays["joint_pos"], root, quaternion, names, rate, t, bodies)
+
+
+_SHAPES: dict[str, tuple[int | None, ...]] = {
+    "joint_pos": (None, None), "time": (None,), "root_pos": (None, 3), "root_quat_xyzw": (None, 4),
+    "body_pos_w": (None, None, 3), "body_quat_w": (None, None, 4),
+}  # fmt: skip
+"""Arrays of numbers in an NPZ file, with their shapes; None is any size."""
+
+
+def _finite(table: Array, source: str, name: str) -> Array:
+    """Return a table; raise `FaultyFile` with row and column of an entry that is not finite."""
+    faulty = np.argwhere(~np.isfinite(table))
+    if len(faulty):
+        row, *columns = (faulty[0] + 1).tolist()
+        column = f", column {columns[-1]}" if columns else ""
+        of_name = f" of {name}" if name else ""
+        value = table[tuple(faulty[0])]
+        fault = f"has {value} in row {row}{column}{of_name}: every number must be finite"
+        raise FaultyFile(source, [fault])
+    return table
+
+
+READERS: dict[str, Callable[[str | os.PathLike[str], str], MotionTable]] = {
+    ".csv": _read_csv,
+    ".npz": _read_npz,
+}
+"""Readers of the formats, by the ending of the file."""
+
 
 BREADTH_FIRST, OF_MODEL = "breadth-first", "model"
 """Orders of joints with a name: that of Isaac Lab, and that of the model, depth first."""
@@ -88,54 +222,51 @@ def read_motion(
     validation.check_type(str, os.PathLike, file=file)
     if quaternion not in ("xyzw", "wxyz"):
         raise InvalidInput(f"quaternion is {quaternion!r}: it must be xyzw or wxyz")
-    table, source = read_table(file), str(file)
     names = file_joints(robot)
-    table = _with_root(table, robot, len(names), source)
+    table = _with_root(read_table(file), robot, len(names))
     if len(table.joints) < LEAST_FRAMES:
-        few = f"has {len(table.joints)} frames: a motion needs at least {LEAST_FRAMES}"
-        raise FaultyFile(source, [few])
+        raise table.fault(f"has {len(table.joints)} frames: a motion needs at least {LEAST_FRAMES}")
     if rate is None and table.rate is None:
         raise InvalidInput("rate is None: the file does not have it, so give the frames' rate [Hz]")
     rate = validation.number(
         "rate", table.rate if rate is None else rate, above=0, at_most=1e5, unit="Hz"
     )
-    if table.t is not None and not np.allclose(np.diff(table.t), 1.0 / rate, rtol=0.01):
-        raise FaultyFile(source, [
-            f"has times that are {np.median(np.diff(table.t)):.4g} s apart in the median: at "
-            f"{rate:g} Hz all must be {1.0 / rate:.4g} s apart"
-        ])  # fmt: skip
-    order = _order(robot, joints, table, source)
-    ordered = table.joints[:, [order.index(name) for name in names]]
-    root = _unit_root(table, quaternion, source)
-    _check_angles(robot, names, ordered, source)
-    if joints is None and not table.names:
-        _check_order(robot, names, table, ordered, source)
-    t = np.arange(len(root)) / rate if table.t is None else table.t
+    t = np.arange(len(table.joints)) / rate if table.t is None else table.t
+    if not np.allclose(np.diff(t), 1.0 / rate, rtol=0.01):
+        raise table.fault(
+            f"has times that are {np.median(np.diff(t)):.4g} s apart in the median: at {rate:g} Hz "
+            f"all must be {1.0 / rate:.4g} s apart"
+        )
     if contact is not None:
         contact = validation.number(
             "contact", contact, at_least=float(t[0]), at_most=float(t[-1]), unit="s"
         )
-    elif table.t is not None and t[0] < 0.0 < t[-1]:
+    elif t[0] < 0.0 < t[-1]:
         contact = 0.0
-    frames = FrameTable(rate, t, root, ordered, contact)
+    order = _order(robot, joints, table)
+    ordered = table.joints[:, [order.index(name) for name in names]]
+    other = breadth_first(robot)
+    breadthwise = table.joints[:, [other.index(name) for name in names]]
+    root = _unit_root(table, quaternion)
+    _check_angles(robot, table, ordered)
+    if joints is None and not table.names:
+        _check_order(robot, table, ordered, breadthwise)
+    q = configurations(robot, root, ordered)
     if table.bodies is not None:
-        _check_bodies(robot, names, table, frames, source)
-    motion = record(robot, frames, window, _range_warnings(robot, names, ordered, t))
-    if doubt := _rate_doubt(motion):
-        return record(robot, frames, window, (doubt, *motion.warnings))
-    return motion
+        _check_bodies(robot, table, q, configurations(robot, root, breadthwise))
+    motion = record(robot, rate, t, q, contact, window, _range_warnings(robot, ordered, t))
+    doubt = _rate_doubt(motion)
+    return replace(motion, warnings=(doubt, *motion.warnings)) if doubt else motion
 
 
-def _with_root(table: MotionTable, robot: Leg, count: int, source: str) -> MotionTable:
+def _with_root(table: MotionTable, robot: Leg, count: int) -> MotionTable:
     """Return a table whose base and joints are apart and are as many as those of a robot."""
     floats, columns = is_floating(robot), table.joints.shape[1]
-    from_csv = table.root is None and table.rate is None and table.bodies is None
+    from_csv = table.root is None and table.rate is None
     base = BASE_COLUMNS if floats else 0
     if floats and table.root is None and columns == base + count:
-        names = table.names[base:]
-        return table._replace(
-            joints=table.joints[:, base:], root=table.joints[:, :base], names=names
-        )
+        root, joints = np.split(table.joints, [base], axis=1)
+        return table._replace(joints=joints, root=root, names=table.names[base:])
     if columns == count and (table.root is not None) == floats:
         return table
     parts = f"{base} for its floating base (position, quaternion) and {count} for its joints"
@@ -149,12 +280,10 @@ def _with_root(table: MotionTable, robot: Leg, count: int, source: str) -> Motio
         fault = f"has {columns} columns: {robots} needs {need}"
     else:
         fault = f"has {columns} joints: {robots} has {count}"
-    raise FaultyFile(source, [fault])
+    raise table.fault(fault)
 
 
-def _order(
-    robot: Leg, joints: Sequence[str] | str | None, table: MotionTable, source: str
-) -> list[str]:
+def _order(robot: Leg, joints: Sequence[str] | str | None, table: MotionTable) -> list[str]:
     """Return the names of the joints in the order of a file."""
     names = file_joints(robot)
     if joints is None:
@@ -172,7 +301,7 @@ def _order(
         order = list(joints)
     if sorted(order) == sorted(names):
         return order
-    where = "joints" if joints is not None else f"{source}: its names of joints"
+    where = "joints" if joints is not None else f"{table.source}: its names of joints"
     missing = [name for name in names if name not in order]
     others = [name for name in order if name not in names]
     faults = [f"lacks {listed(missing, MAX_FAULTY)}"] if missing else []
@@ -187,7 +316,7 @@ def breadth_first(robot: Leg) -> list[str]:
     return sorted(file_joints(robot), key=depths.__getitem__)
 
 
-def _unit_root(table: MotionTable, quaternion: str, source: str) -> Array:
+def _unit_root(table: MotionTable, quaternion: str) -> Array:
     """Return position and unit quaternion xyzw of the base, shape `(k, 7)`, or `(k, 0)`."""
     if table.root is None:
         return np.zeros((len(table.joints), 0))
@@ -195,95 +324,88 @@ def _unit_root(table: MotionTable, quaternion: str, source: str) -> Array:
     length = np.linalg.norm(turns, axis=1)
     row = int(np.abs(length - 1.0).argmax())
     if abs(length[row] - 1.0) > UNIT:
-        raise FaultyFile(source, [
+        raise table.fault(
             f"has a quaternion of length {length[row]:.4g} for the base in row {row + 1}: it must "
             "be 1 (columns 4 to 7 of a CSV file)"
-        ])  # fmt: skip
+        )
     orders = {"xyzw": turns, "wxyz": turns[:, [1, 2, 3, 0]]}
     used = table.quaternion or quaternion
     if not table.quaternion:
         up = {name: Rotation.from_quat(q[0]).as_matrix()[2, 2] for name, q in orders.items()}
         other = "wxyz" if used == "xyzw" else "xyzw"
         if up[used] < LYING and up[other] > UPRIGHT:
-            raise FaultyFile(source, [
+            raise table.fault(
                 f"has a base that is not upright in the first frame: its quaternions seem to be "
                 f"{other}, not {used}; quaternion={other!r} (--quaternion) reads them"
-            ])  # fmt: skip
+            )
     return np.hstack([place, orders[used] / length[:, None]])
 
 
-def _check_angles(robot: Leg, names: list[str], joints: Array, source: str) -> None:
+def _check_angles(robot: Leg, table: MotionTable, joints: Array) -> None:
     """Raise `FaultyFile` for angles beyond a turn, and beyond the range of their joint."""
-    for column, (name, bounds) in enumerate(zip(names, ranges_of(robot, names), strict=True)):
-        row, reach = int(np.abs(joints[:, column]).argmax()), np.abs(bounds).max()
+    names = file_joints(robot)
+    for name, angles, bounds in zip(names, joints.T, ranges_of(robot, names), strict=True):
+        row, reach = int(np.abs(angles).argmax()), np.abs(bounds).max()
         is_angle = robot.joint_unit(name) == "rad" and reach < math.inf
-        if is_angle and abs(joints[row, column]) > max(math.tau, reach):
-            raise FaultyFile(source, [
-                f"has {name} at {joints[row, column]:.4g} in row {row + 1}, more than a turn: "
-                "angles must be in radians, and seem to be in degrees"
-            ])  # fmt: skip
+        if is_angle and abs(angles[row]) > max(math.tau, reach):
+            raise table.fault(
+                f"has {name} at {angles[row]:.4g} in row {row + 1}, more than a turn: angles must "
+                "be in radians, and seem to be in degrees"
+            )
 
 
-def _excess(robot: Leg, names: list[str], joints: Array) -> Array:
+def _excess(robot: Leg, joints: Array) -> Array:
     """Return how far joints are outside their ranges, shape `(k, n)` [rad; m]."""
-    lower, upper = ranges_of(robot, names).T
+    lower, upper = ranges_of(robot, file_joints(robot)).T
     return np.asarray(np.maximum(lower - joints, joints - upper))
 
 
-def _check_order(
-    robot: Leg, names: list[str], table: MotionTable, joints: Array, source: str
-) -> None:
+def _check_order(robot: Leg, table: MotionTable, joints: Array, breadthwise: Array) -> None:
     """Raise `FaultyFile` if joints fit their ranges in breadth-first order only."""
-    order = breadth_first(robot)
-    other = table.joints[:, [order.index(name) for name in names]]
-    excess, others = (_excess(robot, names, values) for values in (joints, other))
+    excess = _excess(robot, joints)
     row, column = np.unravel_index(excess.argmax(), excess.shape)
     most = float(excess[row, column])
-    if most > OUTSIDE and others.max() < 0.1 * most:
-        raise FaultyFile(source, [
-            f"has {names[column]} outside its range by {most:.2g} rad in row {row + 1} in the "
-            "order of the model, but not in breadth-first order, which Isaac Lab writes: name the "
-            f"order, joints={BREADTH_FIRST!r} or {OF_MODEL!r} (--joints), or all names"
-        ])  # fmt: skip
+    if most > OUTSIDE and _excess(robot, breadthwise).max() < 0.1 * most:
+        raise table.fault(
+            f"has {file_joints(robot)[column]} outside its range by {most:.2g} rad in row {row + 1}"
+            " in the order of the model, but not in breadth-first order, which Isaac Lab writes: "
+            f"name the order, joints={BREADTH_FIRST!r} or {OF_MODEL!r} (--joints), or all names"
+        )
 
 
-def _check_bodies(
-    robot: Leg, names: list[str], table: MotionTable, frames: FrameTable, source: str
-) -> None:
+def _check_bodies(robot: Leg, table: MotionTable, q: Array, breadthwise: Array) -> None:
     """Raise `FaultyFile` if joints are not where the file has bodies, at ten of its times."""
-    rows = np.unique(np.linspace(0, len(frames.t) - 1, LEAST_FRAMES).astype(int))
-    order, bodies, space = breadth_first(robot), np.asarray(table.bodies)[rows], robot.workspace
+    rows = np.unique(np.linspace(0, len(q) - 1, LEAST_FRAMES).astype(int))
+    space, bodies = robot.workspace, np.asarray(table.bodies)
 
-    def farthest(joints: Array) -> tuple[float, str]:
-        some = FrameTable(1.0, rows * 1.0, frames.root[rows], joints[rows], None)
+    def farthest(q: Array) -> tuple[float, str]:
         worst = 0.0, ""
-        for q, places in zip(record(robot, some).q, bodies, strict=True):
-            pin.forwardKinematics(space.model, space.data, q)
+        for row in rows:
+            pin.forwardKinematics(space.model, space.data, q[row])
             for joint in range(1, space.model.njoints):
-                apart = np.linalg.norm(places - space.data.oMi[joint].translation, axis=1).min()
-                worst = max(worst, (float(apart), str(space.model.names[joint])))
+                apart = np.linalg.norm(bodies[row] - space.data.oMi[joint].translation, axis=1)
+                worst = max(worst, (float(apart.min()), str(space.model.names[joint])))
         return worst
 
-    apart, name = farthest(frames.joints)
+    apart, name = farthest(q)
     if apart > APART:
-        other = farthest(table.joints[:, [order.index(one) for one in names]])[0]
         hint = "joints= names the order of the file, or it is of another model"
-        hint = f"joints={BREADTH_FIRST!r} agrees" if other <= APART else hint
-        raise FaultyFile(source, [
+        hint = f"joints={BREADTH_FIRST!r} agrees" if farthest(breadthwise)[0] <= APART else hint
+        raise table.fault(
             f"has no body nearer than {apart:.2g} m to joint {name}, where the positions of the "
             f"joints put it: {hint}"
-        ])  # fmt: skip
+        )
 
 
-def _range_warnings(robot: Leg, names: list[str], joints: Array, t: Array) -> tuple[str, ...]:
+def _range_warnings(robot: Leg, joints: Array, t: Array) -> tuple[str, ...]:
     """Return a line for each joint that is outside its range, the farthest first."""
-    excess, lines = _excess(robot, names, joints), list[tuple[float, str]]()
-    for column, name in enumerate(names):
-        row, unit = int(excess[:, column].argmax()), robot.joint_unit(name)
-        amount, count = float(excess[row, column]), int((excess[:, column] > ROUNDED).sum())
-        if amount > ROUNDED:
+    lines = list[tuple[float, str]]()
+    for name, excess in zip(file_joints(robot), _excess(robot, joints).T, strict=True):
+        row, count = int(excess.argmax()), int((excess > ROUNDED).sum())
+        if count:
+            amount = f"{excess[row]:.2g} {robot.joint_unit(name)}"
             where = f"at {t[row]:.4g} s (frame {row}), in {count} of {len(t)} frames"
-            lines.append((amount, f"{name} is outside its range by {amount:.2g} {unit} {where}"))
+            lines.append((excess[row], f"{name} is outside its range by {amount} {where}"))
     return tuple(line for _, line in sorted(lines, reverse=True))
 
 

@@ -10,11 +10,13 @@ the rotation of the base from its quaternion q:
 in the axes of the base.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
@@ -22,8 +24,13 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.motion.motion_file import MotionSamples, continuous, file_joints
+from kickdyn.motion.motion_file import MotionSamples, file_joints, moved_poses, positions_of
+from kickdyn.motion.weight_shift import split_wrench
+from kickdyn.robot.catalog import ROBOTS
+from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.model_validation import frame_id, frames_by_name
+from kickdyn.robot.standing import is_floating, sole_corners
 
 DEGREE = 4
 """Degree of the polynomials."""
@@ -41,26 +48,6 @@ LEAST_FRAMES = 10
 """Least number of frames of a motion."""
 
 
-class Smoothing(NamedTuple):
-    """How far smoothing moves a part of a motion at most.
-
-    Attributes:
-        quantity: `position` or `velocity`.
-        part: `joints`, `base position` or `base rotation`.
-        amount: largest difference from what is not smoothed, in `unit`.
-        unit: of the amount.
-        name: of the joint; empty for the base.
-        time: when [s].
-    """
-
-    quantity: str
-    part: str
-    amount: float
-    unit: str
-    name: str
-    time: float
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordedMotion(ReprMixin):
     """A motion of a leg or a robot at a constant rate, as `read_motion` returns it.
@@ -73,7 +60,7 @@ class RecordedMotion(ReprMixin):
         v: velocities, shape `(k, nv)`; at the impact, just before it.
         a: accelerations, shape `(k, nv)`, likewise.
         contact: time of the impact [s], across which nothing is smoothed; None without one.
-        smoothing: how far it moves positions and velocities.
+        smoothing: rows of how far it moves positions and velocities at most, where and when.
         warnings: lines about the rate and joints outside their ranges.
     """
 
@@ -84,7 +71,7 @@ class RecordedMotion(ReprMixin):
     v: Array
     a: Array
     contact: float | None
-    smoothing: tuple[Smoothing, ...]
+    smoothing: tuple[Row, ...] = ()
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -97,9 +84,7 @@ class RecordedMotion(ReprMixin):
         yield "end", self.end, "s"
         if self.contact is not None:
             yield "contact", self.contact, "s"
-        for quantity, part, amount, unit, name, time in self.smoothing:
-            where = f"{f'{name}, ' if name else ''}at {time:.4g} s"
-            yield f"smoothing, {quantity} of {part}", f"{amount:.2g} {unit}, {where}", ""
+        yield from self.smoothing
         yield from warned(self.warnings)
 
     @property
@@ -117,44 +102,24 @@ class RecordedMotion(ReprMixin):
         return int(np.abs(self.t - time).argmin())
 
 
-class FrameTable(NamedTuple):
-    """The frames of a motion as files have them.
-
-    Attributes:
-        rate: of the frames [Hz].
-        t: times, shape `(k,)` [s].
-        root: position [m] and quaternion xyzw of the floating base in the world, shape `(k, 7)`;
-            `(k, 0)` on a fixed base.
-        joints: positions of `file_joints`, shape `(k, n)` [rad; m for prismatic joints].
-        contact: time of an impact [s]; None without one.
-    """
-
-    rate: float
-    t: Array
-    root: Array
-    joints: Array
-    contact: float | None
-
-
 def as_recorded(motion: "RecordedMotion | Any") -> RecordedMotion:
     """Return a recorded motion, of a planned `Motion` `PLAN_RATE` times a second."""
     if isinstance(motion, RecordedMotion):
         return motion
     samples: MotionSamples = motion.samples(PLAN_RATE)
-    table = FrameTable(samples.rate, samples.t, samples.root, samples.joint_positions, 0.0)
-    return record(samples.leg, table, UNSMOOTHED)
+    return record(samples.leg, samples.rate, samples.t, samples.q, 0.0, UNSMOOTHED)
 
 
 def record(
-    leg: Leg, table: FrameTable, window: int = WINDOW, warnings: tuple[str, ...] = ()
+    leg: Leg,
+    rate: float,
+    t: Array,
+    q: Array,
+    contact: float | None = None,
+    window: int = WINDOW,
+    warnings: tuple[str, ...] = (),
 ) -> RecordedMotion:
-    """Return the motion of frames, with velocities and accelerations.
-
-    Args:
-        leg: that moves.
-        table: its frames; unit quaternions.
-        window: number of frames through which a polynomial is fitted; 5 do not smooth.
-        warnings: of the motion.
+    """Return the motion of frames with velocities and accelerations; see `RecordedMotion`.
 
     Raises:
         InvalidInput: an even window, one of less than 5 frames, or of more than there are frames
@@ -163,45 +128,27 @@ def record(
     window = validation.whole("window", window, at_least=UNSMOOTHED)
     if window % 2 == 0:
         raise InvalidInput(f"window is {window}: it must be odd, so that a frame is in its middle")
-    pieces, model = _pieces(table, window), leg.workspace.model
-    names = file_joints(leg)
-    numbers = [int(model.getJointId(name)) for name in names]
-    turns = [column for column, joint in enumerate(numbers) if model.nqs[joint] == 2]
-    columns = [int(model.idx_vs[joint]) for joint in numbers]
-    joints, root = np.array(table.joints), np.zeros((len(table.t), 0))
-    joints[:, turns] = np.unwrap(joints[:, turns], axis=0)
-    q = np.zeros((len(table.t), leg.nq))
-    if table.root.size:
-        base = model.jointPlacements[1]
-        place = (table.root[:, :3] - base.translation) @ base.rotation
-        turn = Rotation.from_matrix(base.rotation).inv() * Rotation.from_quat(table.root[:, 3:])
-        q[:, :BASE] = root = np.hstack([place, continuous(turn.as_quat())])
-    for joint, angle in zip(numbers, joints.T, strict=True):
-        index, size = int(model.idx_qs[joint]), int(model.nqs[joint])
-        q[:, index : index + size] = (
-            np.column_stack([np.cos(angle), np.sin(angle)]) if size == 2 else angle[:, None]
-        )
-    frames = np.hstack([root, joints])
-    smooth, v, a = _motion(frames, pieces, (window, table.rate), columns, leg.nv)
-    smoothing = list[Smoothing]()
+    split = len(t) if contact is None else np.count_nonzero(t <= contact + 1e-6 / rate)
+    pieces = _pieces(len(t), int(split), window)
+    joints, floats = positions_of(leg, q), is_floating(leg)
+    turning = np.array(leg.workspace.model.nqs[1 + floats :]) == 2
+    joints[:, turning] = np.unwrap(joints[:, turning], axis=0)
+    root = moved_poses(pin.SE3.Identity(), q[:, :BASE]) if floats else q[:, :0]
+    frames, fit = np.hstack([root, joints]), (rate, floats)
+    smooth, v, a = _derivatives(frames, pieces, window, *fit)
+    smoothing = list[Row]()
     if window > UNSMOOTHED:
-        _, raw, _ = _motion(frames, pieces, (UNSMOOTHED, table.rate), columns, leg.nv)
-        units = [leg.joint_unit(name) for name in names]
-        labels = list(zip(names, units, strict=True))
-        moved = np.split(smooth - frames, [root.shape[1]], axis=1)
-        smoothing = _smoothing("position", "", moved, labels, table.t)
-        changed = [(v - raw)[:, :6] if root.size else root, (v - raw)[:, columns]]
-        smoothing += _smoothing("velocity", "/s", changed, labels, table.t)
+        moved, changed = smooth - frames, v - _derivatives(frames, pieces, UNSMOOTHED, *fit)[1]
+        moved[:, 3 : root.shape[1]] *= 2.0  # of a quaternion, half the angle
+        smoothing += _largest("position", moved, leg, t)
+        smoothing += _largest("velocity", changed, leg, t)
     return RecordedMotion(
-        leg, table.rate, np.array(table.t), q, v, a, table.contact, tuple(smoothing), warnings
+        leg, rate, np.array(t), np.array(q), v, a, contact, tuple(smoothing), warnings
     )
 
 
-def _pieces(table: FrameTable, window: int) -> list[slice]:
-    """Return the frames until the impact, and those after it."""
-    count, split = len(table.t), len(table.t)
-    if table.contact is not None:
-        split = int(np.count_nonzero(table.t <= table.contact + 1e-6 / table.rate))
+def _pieces(count: int, split: int, window: int) -> list[slice]:
+    """Return the frames until the impact, and those after it, where there are any."""
     pieces = [piece for piece in (slice(0, split), slice(split, count)) if piece.start < piece.stop]
     for piece in pieces:
         frames = piece.stop - piece.start
@@ -212,57 +159,142 @@ def _pieces(table: FrameTable, window: int) -> list[slice]:
     return pieces
 
 
-def _motion(
-    frames: Array, pieces: list[slice], fit: tuple[int, float], columns: list[int], nv: int
+def _derivatives(
+    frames: Array, pieces: list[slice], window: int, rate: float, floats: bool
 ) -> tuple[Array, Array, Array]:
-    """Return smoothed frames, v and a.
-
-    Args:
-        frames: position and quaternion of a floating base, and joints, shape `(k, 7 + n)`.
-        pieces: frames between which nothing is smoothed.
-        fit: window, and rate [Hz].
-        columns: of the joints in v.
-        nv: size of v.
-    """
-    orders, (window, rate) = np.zeros((3, *frames.shape)), fit
+    """Return smoothed frames, v and a, of base (position, quaternion) and joints in columns."""
+    orders = np.zeros((3, *frames.shape))
     for piece in pieces:
         for order in range(3):
             orders[order, piece] = savgol_filter(
                 frames[piece], window, DEGREE, order, 1.0 / rate, axis=0
             )
-    v, a = np.zeros((2, len(frames), nv))
-    base = frames.shape[1] - len(columns)
-    v[:, columns], a[:, columns] = orders[1:, :, base:]
+    smooth, v, a = orders
+    if not floats:
+        return smooth, v, a
+    turn, turned, accelerated = orders[:, :, 3:BASE]
+    rotation, omega = Rotation.from_quat(turn).inv(), _doubled(turn, turned)
+    linear = rotation.apply(v[:, :3])
+    change = rotation.apply(a[:, :3]) - np.cross(omega, linear)
+    v = np.hstack([linear, omega, v[:, BASE:]])
+    return smooth, v, np.hstack([change, _doubled(turn, accelerated), a[:, BASE:]])
+
+
+def _largest(quantity: str, changes: Array, leg: Leg, t: Array) -> Iterable[Row]:
+    """Yield rows of the largest changes of joints, and of position and rotation of a base."""
+    names, per = file_joints(leg), "/s" if quantity == "velocity" else ""
+    base = changes.shape[1] - len(names)
+    parts = {"joints": np.abs(changes[:, base:])}
     if base:
-        turn, turned, accelerated = orders[:, :, 3:BASE]
-        rotation, omega = Rotation.from_quat(turn).inv(), _doubled(turn, turned)
-        linear = rotation.apply(orders[1, :, :3])
-        v[:, :6] = np.hstack([linear, omega])
-        a[:, :3] = rotation.apply(orders[2, :, :3]) - np.cross(omega, linear)
-        a[:, 3:6] = _doubled(turn, accelerated)
-    return orders[0], v, a
-
-
-def _smoothing(
-    quantity: str, per: str, changes: list[Array], joints: list[tuple[str, str]], t: Array
-) -> list[Smoothing]:
-    """Return the largest changes of the joints, with their names and units, and of the base."""
-    base, of_joints = changes
-    parts = [("joints", np.abs(of_joints), joints)]
-    if base.size:
-        turned = np.linalg.norm(base[:, 3:], axis=1) * (2.0 if base.shape[1] == BASE else 1.0)
-        parts.append(("base position", np.linalg.norm(base[:, :3], axis=1)[:, None], [("", "m")]))
-        parts.append(("base rotation", turned[:, None], [("", "rad")]))
-    found = []
-    for part, sizes, labels in parts:
+        parts["base position"] = np.linalg.norm(changes[:, :3], axis=1)[:, None]
+        parts["base rotation"] = np.linalg.norm(changes[:, 3:base], axis=1)[:, None]
+    for part, sizes in parts.items():
         frame, column = divmod(int(sizes.argmax()), sizes.shape[1])
-        name, unit = labels[column]
-        amount = float(sizes[frame, column])
-        found.append(Smoothing(quantity, part, amount, unit + per, name, float(t[frame])))
-    return found
+        unit, joint = "m" if part == "base position" else "rad", ""
+        if part == "joints":
+            unit, joint = leg.joint_unit(names[column]), f" of {names[column]}"
+        where = f"{unit}{per}{joint} at {t[frame]:.4g} s"
+        yield f"smoothing, {quantity} of {part}", float(sizes[frame, column]), where
 
 
 def _doubled(q: Array, other: Array) -> Array:
     r"""Return :math:`2\, \mathrm{vec}(\bar q p) / |q|^2` of quaternions xyzw, shape `(k, 3)`."""
     vector = q[:, 3:] * other[:, :3] - other[:, 3:] * q[:, :3] - np.cross(q[:, :3], other[:, :3])
     return np.asarray(2.0 * vector / np.sum(q * q, axis=1, keepdims=True))
+
+
+HEIGHT, AT_REST = 0.03, 0.5
+"""Height of a sole above the lowest one of its frame up to which its foot stands [m], and speed of
+the middle of the sole up to which it does [m/s]: soles of retargeted motions float and slide."""
+
+
+@dataclass(frozen=True, eq=False)
+class GroundForces:
+    """The forces of a motion; of a leg on a fixed base, without feet.
+
+    Attributes:
+        feet: on which the robot may stand, the kicking foot last.
+        soles: corners of their soles in each frame, each of shape `(k, c, 3)` [m, world frame].
+        stands: whether each foot stands, shape `(k, feet)`.
+        torque: of the joints, shape `(k, nv)` [N m; N]; of a floating base, what feet that stand do
+            not supply.
+        wrench: of the ground on the robot, shape `(k, 6)` [N, N m about the world's origin].
+    """
+
+    feet: tuple[Support, ...]
+    soles: tuple[Array, ...]
+    stands: NDArray[np.bool_]
+    torque: Array
+    wrench: Array
+
+
+def feet_of(robot: Leg) -> tuple[Support, ...]:
+    """Return a robot's supports, or its foot of the catalogue, and its kicking foot.
+
+    On a fixed base, or if no foot but the kicking one is known, there are none.
+    """
+    if not is_floating(robot):
+        return ()
+    names = frames_by_name(robot.workspace.model)
+    stance = ROBOTS[robot.name].stance if robot.name in ROBOTS else ""
+    others = robot.supports or ((Support(stance),) if stance in names else ())
+    return (*others, Support(robot.frame)) if others else ()
+
+
+def ground_forces(motion: RecordedMotion, robot: Leg, feet: tuple[Support, ...]) -> GroundForces:
+    r"""Return the forces of a motion by inverse dynamics, :math:`M \dot v + c + g - J^T w`.
+
+    A foot stands if its sole is within `HEIGHT` of the lowest one in the frame, and slower than
+    `AT_REST`. On both feet, forces are parallel, as in `WeightShift`.
+
+    Raises:
+        InvalidInput: a foot has no flat sole.
+    """
+    model, count = robot.model, len(motion.t)
+    data, frames = model.createData(), [frame_id(model, foot.frame) for foot in feet]
+    local = [sole_corners(robot, foot) for foot in feet]
+    soles = tuple(np.zeros((count, len(corners), 3)) for corners in local)
+    torque, wrench = np.zeros((count, robot.nv)), np.zeros((count, 6))
+    poses = []
+    for row, (q, v, a) in enumerate(zip(motion.q, motion.v, motion.a, strict=True)):
+        torque[row] = pin.rnea(model, data, q, v, a)
+        pin.framesForwardKinematics(model, data, q)
+        poses.append([data.oMf[frame].copy() for frame in frames])
+        for sole, corners, pose in zip(soles, local, poses[-1], strict=True):
+            sole[row] = corners @ pose.rotation.T + pose.translation
+        if feet:
+            wrench[row] = data.oMi[1].act(pin.Force(torque[row, :6])).vector
+    stands = _stands(soles, motion)
+    for row in np.flatnonzero(stands.any(axis=1)).tolist():
+        on = np.flatnonzero(stands[row]).tolist()[:2]
+        parts = _shared(wrench[row], [soles[foot][row].mean(axis=0) for foot in on])
+        for foot, part in zip(on, parts, strict=True):
+            rows = pin.computeFrameJacobian(model, data, motion.q[row], frames[foot], pin.LOCAL)
+            torque[row] -= rows.T @ poses[row][foot].actInv(pin.Force(part)).vector
+    return GroundForces(feet, soles, stands, torque, wrench)
+
+
+def _stands(soles: Sequence[Array], motion: RecordedMotion) -> NDArray[np.bool_]:
+    """Return whether the feet of soles stand, shape `(k, feet)`."""
+    if not soles:
+        return np.zeros((len(motion.t), 0), bool)
+    heights = np.array([sole[:, :, 2].min(axis=1) for sole in soles]).T
+    middles = np.array([sole.mean(axis=1) for sole in soles])
+    velocities = savgol_filter(middles, UNSMOOTHED, DEGREE, 1, 1.0 / motion.rate, axis=1)
+    slow = np.linalg.norm(velocities, axis=2).T < AT_REST
+    return np.asarray((heights <= heights.min(axis=1)[:, None] + HEIGHT) & slow)
+
+
+def _shared(wrench: Array, places: list[Array]) -> tuple[Array, ...]:
+    """Return the wrenches on one or two feet, whose soles have their middles at places [m]."""
+    if len(places) == 1 or wrench[2] <= 0.0:
+        return (wrench, np.zeros(6))[: len(places)]
+    height = float(np.mean([place[2] for place in places]))
+    parts = split_wrench(moved(wrench, height), np.array(places)[:, :2])
+    return tuple(moved(part, -height) for part in parts)
+
+
+def moved(wrench: Array, height: float) -> Array:
+    """Return a wrench about the point above the world's origin at a height [m]."""
+    x, y, _ = wrench[:3]
+    return np.asarray(wrench - height * np.array([0.0, 0.0, 0.0, -y, x, 0.0]))

@@ -20,8 +20,7 @@ from kickdyn.motion.limits import (
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import MotionProblem
 from kickdyn.motion.separation import ALLOWED, Conditions, Surroundings
-from kickdyn.motion.solution import Solution
-from kickdyn.motion.splines import integration_weights
+from kickdyn.motion.splines import Solution, integration_weights
 from kickdyn.motion.weight_shift import Feet, WeightShift
 
 POINTS, FINER = (2, 4), 10

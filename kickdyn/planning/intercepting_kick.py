@@ -47,7 +47,6 @@ class KickSettings:
     objective: KickObjective
     limits: bool | str
     surface: str | Surface | None
-    solver: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +72,7 @@ class Interception:
     def problem(self, like: KickProblem | None = None) -> KickProblem:
         """Return the problem of the kick, made from one of the same leg."""
         s = self.settings
-        return kick_problem(
-            self.leg, self.target, self.before.position, limits=s.limits, solver=s.solver, like=like
-        )
+        return kick_problem(self.leg, self.target, self.before.position, limits=s.limits, like=like)
 
     @property
     def ahead(self) -> Array:

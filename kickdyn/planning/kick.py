@@ -38,10 +38,9 @@ from kickdyn.planning.kick_steps import (
     plan_flight_launch,
     plan_pass_launch,
 )
-from kickdyn.planning.kick_terms import BallPosition, Facing, Objective
+from kickdyn.planning.kick_terms import BallPosition, Facing, MuscleTorqueLimit, Objective
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.moving_kick import plan_interception
-from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import OBJECTIVES
 from kickdyn.planning.passes import Pass
 from kickdyn.planning.stance import Balance
@@ -77,7 +76,6 @@ def plan_kick(
     limits: bool | str = True,
     surface: str | Surface | None = None,
     motion: bool | str = False,
-    solver: str = "slsqp",
 ) -> KickPlan:
     r"""Find posture and joint velocity that strike a ball at rest so that it meets a goal.
 
@@ -122,7 +120,6 @@ def plan_kick(
             chooses posture and joint velocity at the impact, too, and needs torque limits of all
             joints that move, and `pip install "kickdyn[motion]"`. With `"both-feet"`, a standing
             robot starts and ends at rest on both feet. See below.
-        solver: name of the solver of the nonlinear program, `slsqp`; a motion has its own, Ipopt.
 
     A robot that stands on one foot kicks a ball that lies on the same ground, the plane z = 0. The
     foot lies on it as it does while all joints are at 0 and the base is upright; without a `sole`
@@ -178,7 +175,7 @@ def plan_kick(
             other = f"motion={motion!r}" if motion else "ball_position"
             raise InvalidInput(f"incoming and {other} exclude each other: give one of them")
         moving_ball = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
-        settings = KickSettings(goal, ball, air, contact, objective, limits, surface, solver)
+        settings = KickSettings(goal, ball, air, contact, objective, limits, surface)
         return plan_interception(leg, moving_ball, settings)
     disabled_pairs(leg)  # a faulty SRDF is refused now, not by the checks of the finished plan
 
@@ -190,7 +187,7 @@ def plan_kick(
             launch = plan_pass_launch(goal, ball, air, surface)
         goal = goal.at(launch.time)
         target = impact_target_for(launch.velocity, launch.spin, ball, contact)
-        problem = kick_problem(leg, target, position, limits=limits, solver=solver)
+        problem = kick_problem(leg, target, position, limits=limits)
         if motion:
             posture, v, outcome = _plan_motion(problem, both_feet=motion == BOTH_FEET)
         else:

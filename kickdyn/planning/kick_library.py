@@ -35,11 +35,7 @@ from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick import turn_plan
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.kick_reader import (
-    AXES,
-    InterpolatedKick,
-    read_kicks,
-)
+from kickdyn.planning.kick_reader import AXES, InterpolatedKick, launch_velocity, read_kicks
 from kickdyn.planning.kick_steps import (
     check_has_drives,
     checked_contact,
@@ -115,25 +111,17 @@ def kick_library(
     if path.suffix != ".npz":
         raise InvalidInput(f"{path.name} has the extension {path.suffix!r}: it must be .npz")
     contact = checked_contact(contact)
+    named = {"speed": speed, "elevation": elevation, "azimuth": azimuth, "x": x, "y": y}
+    ranges = {name: _checked_range(name, value) for name, value in named.items()}
     if speed is None or path.exists():
         library = KickLibrary(path, robot)
-        named = {"speed": speed, "elevation": elevation, "azimuth": azimuth, "x": x, "y": y}
         if speed is not None:
-            library.check_ranges(
-                {name: value for name, value in named.items() if value is not None}
-            )
+            library.check_ranges(ranges)
         return library
     if not isinstance(contact.restitution, float):
         raise InvalidInput("the restitution depends on the speed: a library needs a single value")
     ball, robot = ball or Ball(), checked_leg(robot)
     check_has_drives(robot)
-    ranges = {
-        "speed": _checked_range("speed", speed, above=0.0),
-        "elevation": _checked_range("elevation", elevation, most=math.pi / 2),
-        "azimuth": _checked_range("azimuth", azimuth, most=math.pi),
-        "x": None if x is None else _checked_range("x", x),
-        "y": None if y is None else _checked_range("y", y),
-    }
     if height is None:
         if not is_floating(robot):
             raise InvalidInput("height of the ball's centre is missing: a leg needs it")
@@ -147,16 +135,18 @@ def kick_library(
     return KickLibrary(path, robot)
 
 
-def _checked_range(
-    name: str, value: Range, above: float = -math.inf, most: float = math.inf
-) -> tuple[float, float]:
+def _checked_range(name: str, value: Range | None) -> tuple[float, float] | None:
     """Return the least and the largest value of an axis."""
+    if value is None:
+        return None
     pair = np.atleast_1d(validation.floats(name, value, unit=UNITS[name]))
     if pair.shape not in ((1,), (2,)) or pair[0] > pair[-1]:
         raise InvalidInput(
             f"{name} is {validation.brief(value)}: it must be a value, or the least and the "
             "largest one"
         )
+    above = 0.0 if name == "speed" else -math.inf
+    most = {"elevation": math.pi / 2, "azimuth": math.pi}.get(name, math.inf)
     for each in pair:
         validation.number(name, each, above=above, unit=UNITS[name])
         if abs(each) > most:
@@ -224,15 +214,14 @@ class KickLibrary(ReprMixin):
             "covered": self.covered,
         }  # fmt: skip
 
-    def check_ranges(self, ranges: Mapping[str, Range]) -> None:
-        """Raise `InvalidInput` for ranges that are not those of the library."""
-        for name, value in ranges.items():
-            number, pair = AXES.index(name), np.atleast_1d(np.asarray(value, dtype=float))
-            stored = self.reader.lower[number], self.reader.upper[number]
-            if not np.allclose([pair[0], pair[-1]], stored):
+    def check_ranges(self, ranges: Mapping[str, tuple[float, float] | None]) -> None:
+        """Raise `InvalidInput` for ranges that are not those of the library; None is any."""
+        stored = zip(self.reader.lower.tolist(), self.reader.upper.tolist(), strict=True)
+        for (name, pair), (low, high) in zip(ranges.items(), stored, strict=True):
+            if pair is not None and not np.allclose(pair, (low, high)):
                 raise InvalidInput(
-                    f"{name} is {validation.brief(value)}: {self.file.name} exists, for "
-                    f"{stored[0]:.4g} to {stored[1]:.4g} {UNITS[name]}"
+                    f"{name} is {pair[0]:.4g} to {pair[1]:.4g}: {self.file.name} exists, for "
+                    f"{low:.4g} to {high:.4g} {UNITS[name]}"
                 )
 
     def kick(
@@ -469,10 +458,7 @@ class LibraryKick(ReprMixin):
     @property
     def launch(self) -> Array:
         """Velocity of the ball in the axes of the library, shape `(3,)` [m/s]."""
-        speed, elevation, azimuth = self.point[:3]
-        level = speed * math.cos(elevation)
-        launch = level * math.cos(azimuth), level * math.sin(azimuth), speed * math.sin(elevation)
-        return np.array(launch)
+        return launch_velocity(self.point)
 
     @cached_property
     def motion(self) -> Motion | None:

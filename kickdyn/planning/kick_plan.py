@@ -26,7 +26,7 @@ from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.interception import IncomingBall
 from kickdyn.planning.launch import Launch
-from kickdyn.planning.meeting import Meeting
+from kickdyn.planning.meeting import Meeting, meeting_figure
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.passes import Pass
 from kickdyn.restitution import range_warnings
@@ -146,8 +146,6 @@ class KickPlan(ReprMixin):
             return self.motion.plot()
         if self.meeting is None:
             raise InvalidInput("nothing to plot: the plan has no motion, and the ball is at rest")
-        from kickdyn.planning.meeting_plot import meeting_figure  # it imports matplotlib
-
         return meeting_figure(self)
 
     def _rows(self) -> Iterable[Row]:

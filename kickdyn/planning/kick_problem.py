@@ -3,9 +3,8 @@ r"""The problem of a kick: its terms, postures to start from, and its solution.
 .. math::
     \min_{q, v, s} f(q, v) \quad\text{subject to the terms of the foot, the joints and the stance.}
 
-A limit that every kick must keep is a term in the list of `kick_problem`, and a solver is an entry
-of `SOLVERS`. A problem is solved from those postures that need the least joint speed, of many that
-are drawn with a fixed seed.
+A limit that every kick must keep is a term in the list of `kick_problem`. A problem is solved from
+those postures that need the least joint speed, of many that are drawn with a fixed seed.
 """
 
 import math
@@ -26,6 +25,7 @@ from kickdyn.planning.kick_terms import (
     JointRange,
     KickPoint,
     KickVariables,
+    MuscleTorqueLimit,
     Objective,
     SpeedLimit,
     StrikeVelocity,
@@ -34,9 +34,8 @@ from kickdyn.planning.kick_terms import (
     place_exactly,
     turn_to_ball,
 )
-from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import LargestShare
-from kickdyn.planning.problem import TOLERANCE, Function, Problem, Solver, Term, slsqp
+from kickdyn.planning.problem import TOLERANCE, Function, Problem, Term
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
 from kickdyn.robot.collisions import Body, bodies_at, find_self_collisions
 from kickdyn.robot.ground_clearance import TOLERANCE as ON_GROUND
@@ -59,9 +58,6 @@ FARTHEST_START, FARTHEST_STANDING_START = 1.0, 0.5
 """Largest angle of a joint in a drawn posture, on a fixed base and on one foot [rad]: farther, a
 leg is bent more than in any kick, and the trunk of a standing robot lies down."""
 
-SOLVERS: dict[str, Solver] = {"slsqp": slsqp}
-"""Solvers of the problem of a kick, by name."""
-
 MUSCLES = "muscles"
 """Value of `limits` with which torque limits fall with speed."""
 
@@ -82,7 +78,6 @@ class KickProblem:
         foot_directions: in which the foot can move at all, orthonormal rows, shape `(k, 3)`.
         terms: the conditions and bounds, without an objective.
         drawn: postures that are drawn, shape `(m, n)` [rad; m for prismatic joints].
-        solver: that solves it.
         heading: see `robot`.
         standing: the robot on its foot; None for a leg on a fixed base.
         pairs: bodies that can come near the ball, each with it.
@@ -94,7 +89,6 @@ class KickProblem:
     foot_directions: Array
     terms: tuple[Term[KickPoint], ...]
     drawn: Array
-    solver: Solver
     heading: float = 0.0
     standing: StandingRobot | None = None
     pairs: Sequence[tuple[Body, None]] = ()
@@ -130,7 +124,7 @@ class KickProblem:
         problem, variables = self._with(objective), self.variables
         strike = self.find(StrikeVelocity)
         assert strike is not None
-        solutions = [problem.solve(start, self.solver) for start in starts]
+        solutions = [problem.solve(start) for start in starts]
         return [strike.make_exact(variables.point(x)) for x in solutions if x is not None]
 
     def polish(self, objective: Function[KickPoint], point: KickPoint) -> KickPoint:
@@ -205,7 +199,6 @@ def kick_problem(
     ball_position: float | Array | None = None,
     *,
     limits: bool | str = True,
-    solver: str = "slsqp",
     like: KickProblem | None = None,
 ) -> KickProblem:
     """Return the problem of a kick.
@@ -216,19 +209,15 @@ def kick_problem(
         ball_position: height or position of the ball's centre, shape `(3,)` [m, world frame]; None
             leaves it free.
         limits: whether limits of speed and torque hold; `MUSCLES` for torques that fall with speed.
-        solver: name of the solver, see `SOLVERS`.
         like: a problem of the same robot, of which everything is used again that does not depend
             on the impact.
 
     Raises:
-        InvalidInput: an unknown solver, a leg that cannot kick in this direction, or a ball beside
-            its plane.
+        InvalidInput: a leg that cannot kick in this direction, or a ball beside its plane.
     """
-    if solver not in SOLVERS:
-        raise InvalidInput(f"solver is {solver!r}: it must be one of {', '.join(SOLVERS)}")
     draw = np.random.default_rng(0)
     if like is None or like.heading or _heading_towards(like.foot_directions, target.impulse):
-        like = _without_terms(robot, target, SOLVERS[solver], draw)
+        like = _without_terms(robot, target, draw)
     robot, directions, standing = like.robot, like.foot_directions, like.standing
     variables = like.variables.for_target(target)
     _check_directions(variables, directions)
@@ -260,9 +249,7 @@ def kick_problem(
     return replace(like, variables=variables, terms=tuple(terms), drawn=drawn)
 
 
-def _without_terms(
-    robot: Leg, target: ImpactTarget, solver: Solver, draw: np.random.Generator
-) -> KickProblem:
+def _without_terms(robot: Leg, target: ImpactTarget, draw: np.random.Generator) -> KickProblem:
     """Return a problem without terms and drawn postures, of a leg that is turned to the impulse."""
     standing = StandingRobot(robot) if is_floating(robot) else None
     if standing is not None:
@@ -286,9 +273,7 @@ def _without_terms(
         directions = _foot_directions(variables, draw)
     pairs = bodies_near_ball(robot)
     drawn = np.zeros((0, variables.n))
-    return KickProblem(
-        robot, limb, variables, directions, (), drawn, solver, heading, standing, pairs
-    )
+    return KickProblem(robot, limb, variables, directions, (), drawn, heading, standing, pairs)
 
 
 def solve_kick(problem: KickProblem, objective: Objective) -> tuple[KickProblem, KickPoint]:

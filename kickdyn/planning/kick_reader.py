@@ -142,10 +142,9 @@ class KickReader:
         a, moving = self.arrays, self.arrays["moving"]
         mass, radius, height = a["ball"]
         restitution, friction = a["impact"]
-        speed, elevation, azimuth, x, y = point
-        level = np.cos(elevation)
-        normal = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
-        impulse, place = mass * speed * normal, np.array([x, y, height]) - radius * normal
+        launch = launch_velocity(point)
+        normal = launch / np.linalg.norm(launch)
+        impulse, place = mass * launch, np.array([*point[3:], height]) - radius * normal
         state = a["at_impact"] @ coefficients
         position, before = state[0].copy(), state[1]
         for _ in range(3):
@@ -240,6 +239,15 @@ def read_kicks(file: str | os.PathLike[str]) -> KickReader:
     if str(arrays.pop("checksum", "")) != checksum(arrays):
         raise ValueError(f"{file} is damaged: the numbers in it are not those that were written")
     return KickReader(arrays)
+
+
+def launch_velocity(point: Array) -> Array:
+    """Return the velocity of the ball's launch at a point of the axes, shape `(3,)` [m/s]."""
+    speed, elevation, azimuth = point[:3]
+    level = np.cos(elevation)
+    return np.asarray(
+        speed * np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+    )
 
 
 def _rotations(axes: Array, angles: Array) -> Array:

@@ -22,9 +22,14 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.plane import Plane
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick_problem import MUSCLES, KickProblem
-from kickdyn.planning.kick_terms import KickPoint, Objective, SpeedLimit, TorqueLimit
+from kickdyn.planning.kick_terms import (
+    KickPoint,
+    MuscleTorqueLimit,
+    Objective,
+    SpeedLimit,
+    TorqueLimit,
+)
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
-from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.stance import Balance

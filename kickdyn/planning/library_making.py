@@ -5,6 +5,7 @@ import math
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -112,54 +113,46 @@ class LibraryMaking:
         """Plan the first motion, or read what is stored."""
         settings = json.dumps([self.ranges, REFINEMENTS, repr(self.kicks.ball),
                                repr(self.kicks.contact), self.kicks.height])  # fmt: skip
-        stored = self.folder / "settings.json"
-        if stored.exists():
-            former = json.loads(stored.read_text())
-            if former["settings"] != settings:
-                raise InvalidInput(
-                    f"{self.folder} has parts of a library with other settings: remove it"
-                )
-            self.lower, self.upper = np.array(former["lower"]), np.array(former["upper"])
-            first = np.array(former["first"])
-            aside = tuple((name, value) for name, value in former["aside"])
-            near = _read_arrays(self.folder / "first.npz")["near"]
-            joints = tuple(former["joints"])
-            self.kicks = self.kicks._replace(joints=joints, aside=aside, near=near)
-        else:
+        stored = self.folder / "first.npz"
+        if not stored.exists():
             middle = [0.5 * sum(self.ranges[name] or (0.0, 0.0)) for name in AXES]
-            self.kicks, first, found = first_motion(self.kicks, np.array(middle))
+            kicks, point, found = first_motion(self.kicks, np.array(middle))
             if found.reason:
                 raise InvalidInput(f"no motion for the middle keeps all limits: {found.reason}")
-            pairs = [self.ranges[n] or (first[k], first[k]) for k, n in enumerate(AXES)]
-            self.lower, self.upper = np.array(pairs).T
-            np.savez(self.folder / "first.npz", near=np.asarray(self.kicks.near), **found.solution)
-            former = {
-                "settings": settings, "lower": self.lower.tolist(), "upper": self.upper.tolist(),
-                "first": first.tolist(), "joints": self.kicks.joints, "aside": self.kicks.aside,
-            }  # fmt: skip
-            with replacing(stored) as draft:
-                draft.write_text(json.dumps(former))
+            pairs = [self.ranges[name] or (point[k], point[k]) for k, name in enumerate(AXES)]
+            _write_arrays(stored, found.solution | {
+                "settings": settings, "ranges": np.array(pairs), "point": point,
+                "joints": np.array(kicks.joints), "aside": np.array([*kicks.aside], dtype=str),
+                "angles": np.array([*kicks.aside.values()]), "near": kicks.near,
+            })  # fmt: skip
+        first = _read_arrays(stored)
+        if str(first.get("settings")) != settings:
+            raise InvalidInput(
+                f"{self.folder} has parts of a library with other settings: remove it"
+            )
+        self.lower, self.upper = first["ranges"].T
+        aside = dict(zip(first["aside"].tolist(), first["angles"].tolist(), strict=True))
+        joints = tuple(first["joints"].tolist())
+        self.kicks = replace(self.kicks, joints=joints, aside=aside, near=first["near"])
         self.pickled = pickle.dumps(self.kicks)
         self.active = np.flatnonzero(self.upper > self.lower)
-        names = np.array(AXES)[self.active]
+        self.steps = np.array([*STEPS.values()]) * [self.upper[0], 1.0, 1.0, 1.0, 1.0]
         span = (self.upper - self.lower)[self.active]
-        steps = np.array([STEPS[n] * (self.upper[0] if n == "speed" else 1.0) for n in names])
-        self.counts = np.maximum(np.ceil(span / steps - 1e-9), 1).astype(int)
+        counts = np.ceil(span / self.steps[self.active] - 1e-9)
+        self.counts = np.maximum(counts, 1).astype(int)
         self.unit = 2 ** (REFINEMENTS + 1)
         self.start = tuple(int(count // 2) * self.unit for count in self.counts)
         self._read_log()
         if self.start not in self.nodes:
             self._reach_start(first)
 
-    def _reach_start(self, first: Array) -> None:
+    def _reach_start(self, motion: dict[str, Array]) -> None:
         """Plan the motion at the start of the grid by steps from the first one."""
-        goal, steps = self._point(self.start), np.array([STEPS[name] for name in AXES])
-        steps[0] *= self.upper[0]
-        count = max(int(np.ceil((np.abs(goal - first) / steps).max())), 1)
-        start = _read_arrays(self.folder / "first.npz")
+        first, goal = motion["point"], self._point(self.start)
+        count = max(int(np.ceil((np.abs(goal - first) / self.steps).max())), 1)
         for k in range(1, count + 1):
             point = first + k / count * (goal - first)
-            found = next_motion(self.pickled, point, [start])
+            found = next_motion(self.pickled, point, [motion])
             if found.reason:
                 place = ", ".join(f"{n} {v:.4g}" for n, v in zip(AXES, point, strict=True))
                 raise InvalidInput(
@@ -167,7 +160,7 @@ class LibraryMaking:
                     f": {found.reason}; the ball suits this robot at x {first[3]:.3f}, "
                     f"y {first[4]:.3f} m"
                 )
-            start = found.solution
+            motion = found.solution
         self._keep(self.start, found)
 
     def _point(self, key: Key) -> Array:
@@ -205,21 +198,15 @@ class LibraryMaking:
             (self._point(key), [_read_arrays(self._node_file(n)) for n in near])
             for key, near in tasks
         ]
-        results = self._compute(partial(_call, next_motion, self.pickled), jobs)
+        results = in_order(self.executor, partial(_call, next_motion, self.pickled), jobs, AHEAD)
         for (key, _), found in zip(tasks, results, strict=True):
             self._keep(key, found)
             self.progress("motions", len(self.nodes), max(total, len(self.nodes)))
 
-    def _compute(self, function: Callable[[Any], T], jobs: list[Any]) -> Iterator[T]:
-        if self.executor is None:
-            return map(function, jobs)
-        return in_order(self.executor, function, jobs, AHEAD)
-
     def _keep(self, key: Key, found: Found) -> None:
         """Store a motion, or why there is none."""
         if not found.reason:
-            with replacing(self._node_file(key)) as draft, draft.open("wb") as out:
-                np.savez(out, **found.solution)
+            _write_arrays(self._node_file(key), found.solution)
         self._log({"node": key, "reason": found.reason})
         self.nodes[key] = found.reason
 
@@ -265,7 +252,7 @@ class LibraryMaking:
             (self._point(key), np.mean([self._coefficients(c) for c in corners], axis=0))
             for key, corners in tasks.values()
         ]
-        results = self._compute(partial(_call, check_between, self.pickled), jobs)
+        results = in_order(self.executor, partial(_call, check_between, self.pickled), jobs, AHEAD)
         for number, (name, found) in enumerate(zip(tasks, results, strict=True), start=1):
             margins = found.margins.tolist()
             self._log({"check": name, "reason": found.reason, "margins": margins})
@@ -323,11 +310,11 @@ class LibraryMaking:
         arrays, labels = described(self.kicks, self._point(self.start))
         least = []
         for cell in cells:
-            rows = [self.checks[name][1] for name in map(_named, cell.checked())
-                    if name in self.checks and self.checks[name][1]]  # fmt: skip
+            checks = [self.checks.get(_name(*checked)) for checked in cell.checked()]
+            rows = [check[1] for check in checks if check and check[1]]
             least.append(np.min(rows, axis=0) if rows else np.full(len(labels), np.nan))
         lows = [self._point(cell.low) for cell in cells]
-        highs = [self._point(_opposite(cell)) for cell in cells]
+        highs = [self._point(cell.corners()[-1]) for cell in cells]
         arrays |= {
             "format": np.array(FORMAT),
             "lower": self.lower,
@@ -357,17 +344,14 @@ def _moved(key: Key, axis: int, step: int) -> Key:
     return (*key[:axis], key[axis] + step, *key[axis + 1 :])
 
 
-def _opposite(cell: Cell) -> Key:
-    return tuple(a + b for a, b in zip(cell.low, cell.size, strict=True))
-
-
 def _name(key: Key, corners: list[Key]) -> str:
     """Return the name of a check: the point, and between which corners it is."""
     return f"{key} {corners[0]} {corners[-1]}"
 
 
-def _named(checked: tuple[Key, list[Key]]) -> str:
-    return _name(*checked)
+def _write_arrays(file: Path, arrays: dict[str, Any]) -> None:
+    with replacing(file) as draft, draft.open("wb") as out:
+        np.savez(out, **arrays)
 
 
 def _read_arrays(file: Path) -> dict[str, Array]:

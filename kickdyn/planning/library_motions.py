@@ -6,7 +6,7 @@ arrays.
 
 import math
 import pickle
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -25,12 +25,11 @@ from kickdyn.motion.motion_problem import MotionProblem
 from kickdyn.motion.plan_motion import continue_motion, motion_problem, plan_motion
 from kickdyn.motion.separation import ALLOWED as DEEPEST
 from kickdyn.motion.separation import Conditions
-from kickdyn.motion.solution import Multipliers, Solution
-from kickdyn.motion.splines import MotionSplines, integration_weights
+from kickdyn.motion.splines import MotionSplines, Multipliers, Solution, integration_weights
 from kickdyn.motion.verdict import POINTS, Verdict
 from kickdyn.planning.kick import motion_task
 from kickdyn.planning.kick_problem import kick_problem
-from kickdyn.planning.kick_reader import KickReader
+from kickdyn.planning.kick_reader import KickReader, launch_velocity
 from kickdyn.planning.kick_steps import one_thread
 from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg
@@ -50,7 +49,22 @@ FACING = 1e-3
 """Cosine by which the normal may leave the cone in which the foot can meet a ball."""
 
 
-class Kicks(NamedTuple):
+class Found(NamedTuple):
+    """A motion, or why there is none.
+
+    Attributes:
+        reason: why it does not keep all limits; empty if it does.
+        margins: least distances from the limits, in the order of `labels_of`, shape `(k,)`.
+        solution: of the motion, by `solution_arrays`; empty without one.
+    """
+
+    reason: str
+    margins: Array
+    solution: dict[str, Any]
+
+
+@dataclass(eq=False)
+class Kicks:
     """What all kicks of a library share.
 
     Attributes:
@@ -68,73 +82,41 @@ class Kicks(NamedTuple):
     contact: Contact
     height: float
     joints: tuple[str, ...] = ()
-    aside: tuple[tuple[str, float], ...] = ()
+    aside: dict[str, float] = field(default_factory=dict)
     near: Array | None = None
-
-
-class Found(NamedTuple):
-    """A motion, or why there is none.
-
-    Attributes:
-        reason: why it does not keep all limits; empty if it does.
-        margins: least distances from the limits, in the order of `labels_of`, shape `(k,)`.
-        solution: of the motion, by `solution_arrays`; empty without one.
-    """
-
-    reason: str
-    margins: Array
-    solution: dict[str, Any]
-
-
-@dataclass(eq=False)
-class _Context:
-    """Kicks of a library, with what their tasks have in common."""
-
-    kicks: Kicks
-    like: Any = None
-    exact: KickReader | None = None
+    _like: Any = field(default=None, init=False)
+    _reader: KickReader | None = field(default=None, init=False)
 
     def task(self, point: Array, *, place_is_free: bool = False) -> KickTask:
         """Return the task of the kick at a point of the axes, `(5,)`."""
-        kicks = self.kicks
-        target = impact_target_for(velocity_at(point), np.zeros(3), kicks.ball, kicks.contact)
-        place: Any = np.array([point[3], point[4], kicks.height])
+        target = impact_target_for(launch_velocity(point), np.zeros(3), self.ball, self.contact)
+        place: Any = np.array([point[3], point[4], self.height])
         if place_is_free:
-            place = kicks.height
-        self.like = problem = kick_problem(kicks.robot, target, place, like=self.like)
+            place = self.height
+        self._like = problem = kick_problem(self.robot, target, place, like=self._like)
         if problem.heading:
             raise InvalidInput(
-                f"{kicks.robot.name} kicks in its plane only: azimuth must be 0 for this leg"
+                f"{self.robot.name} kicks in its plane only: azimuth must be 0 for this leg"
             )
         task = motion_task(problem)
-        if kicks.joints and kicks.joints != task.leg.joint_names:
-            aside = dict(kicks.aside)
-            task = replace(task, leg=kicking_chain(task.leg, others=aside).leg, aside=aside)
+        if self.joints and self.joints != task.leg.joint_names:
+            leg = kicking_chain(task.leg, others=self.aside).leg
+            task = replace(task, leg=leg, aside=self.aside)
         return task
 
-    def reader(self, task: KickTask) -> KickReader:
-        """Return a library without cells, for its exact impact."""
-        if self.exact is None:
-            empty = {
-                "lower": np.zeros(5), "upper": np.zeros(5), "cell_reasons": np.zeros(0, "U1"),
-                "limits": np.zeros(0, "U1"),
-            }  # fmt: skip
-            self.exact = KickReader({**empty, **robot_arrays(task, self.kicks)})
-        return self.exact
+    def with_exact_impact(self, task: KickTask, coefficients: Array, point: Array) -> Array:
+        """Return the nearest coefficients that keep the equations of the impact."""
+        if self._reader is None:
+            none = dict.fromkeys(("lower", "upper"), np.zeros(5))
+            none |= dict.fromkeys(("cell_reasons", "limits"), np.zeros(0, "U1"))
+            self._reader = KickReader(none | robot_arrays(task, self))
+        return self._reader.with_exact_impact(coefficients, point)[0]
 
 
 @lru_cache(maxsize=1)
-def _context(pickled: bytes) -> _Context:
+def _unpickled(kicks: bytes) -> Kicks:
     """Return the kicks of a library in a worker, which computes what they share once."""
-    return _Context(pickle.loads(pickled))
-
-
-def velocity_at(point: Array) -> Array:
-    """Return the velocity of the launch at a point of the axes, shape `(3,)` [m/s]."""
-    speed, elevation, azimuth = point[:3]
-    level = math.cos(elevation)
-    direction = level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)
-    return np.asarray(speed * np.array(direction))
+    return pickle.loads(kicks)  # type: ignore[no-any-return]
 
 
 def first_motion(kicks: Kicks, point: Array) -> tuple[Kicks, Array, Found]:
@@ -147,28 +129,19 @@ def first_motion(kicks: Kicks, point: Array) -> tuple[Kicks, Array, Found]:
         InvalidInput: no motion keeps all limits.
     """
     with one_thread():
-        context = _Context(kicks)
-        task = context.task(point, place_is_free=True)
-        planned = plan_motion(task)
+        planned = plan_motion(kicks.task(point, place_is_free=True))
         motion, solution = planned.motion, planned.motion.solution
         if not planned.keeps_limits or solution is None:
             why = motion.warnings[0] if motion.warnings else "bodies are inside each other"
             raise InvalidInput(f"no motion for the middle of the ranges keeps all limits: {why}")
-        kicks = kicks._replace(
-            joints=motion.joints,
-            aside=tuple(motion.aside.items()),
-            near=solution.coefficients,
+        kicks = replace(
+            kicks, joints=motion.joints, aside=dict(motion.aside), near=solution.coefficients
         )
-        context = _Context(kicks)
-        task = context.task(point, place_is_free=True)
-        centre = motion_problem(task).ball_centre(motion_posture(solution, task))
-        start = np.array([*point[:3], *centre[:2]])
+        problem = motion_problem(kicks.task(point, place_is_free=True))
+        posture = problem.splines.at_impact()[0] @ solution.coefficients
+        start = np.array([*point[:3], *problem.ball_centre(posture)[:2]])
+    kicks = replace(kicks)  # without what this point has
     return kicks, start, next_motion(pickle.dumps(kicks), start, [solution_arrays(solution)])
-
-
-def motion_posture(solution: Solution, task: KickTask) -> Array:
-    """Return the posture at the impact of the joints that move, shape `(n,)`."""
-    return np.asarray(motion_problem(task).splines.at_impact()[0] @ solution.coefficients)
 
 
 def next_motion(pickled: bytes, point: Array, starts: list[dict[str, Array]]) -> Found:
@@ -179,14 +152,14 @@ def next_motion(pickled: bytes, point: Array, starts: list[dict[str, Array]]) ->
         point: speed, elevation, azimuth and place of the kick, shape `(5,)`.
         starts: motions to start from, by `solution_arrays`, one after the other.
     """
-    context, found = _context(pickled), Found("there is no motion near it", np.zeros(0), {})
+    kicks, found = _unpickled(pickled), Found("there is no motion near it", np.zeros(0), {})
     with one_thread():
         try:
-            task = context.task(point)
+            task = kicks.task(point)
         except InvalidInput as error:
             return found._replace(reason=str(error))
         for start in starts:
-            verdict = continue_motion(task, solution_of(start), context.kicks.near)
+            verdict = continue_motion(task, solution_of(start), kicks.near)
             found = _found(verdict)
             if not found.reason:
                 break
@@ -201,13 +174,13 @@ def check_between(pickled: bytes, point: Array, coefficients: Array) -> Found:
         point: of the axes, shape `(5,)`.
         coefficients: that are interpolated, shape `(size, n)`.
     """
-    context = _context(pickled)
+    kicks = _unpickled(pickled)
     with one_thread():
         try:
-            task = context.task(point)
+            task = kicks.task(point)
         except InvalidInput as error:
             return Found(str(error), np.zeros(0), {})
-        exact = context.reader(task).with_exact_impact(coefficients, point)[0]
+        exact = kicks.with_exact_impact(task, coefficients, point)
         problem = motion_problem(task)
         times = problem.splines.times(*POINTS)
         verdict = Verdict(problem, Solution(exact[0], exact, 1.0, times))
@@ -220,9 +193,9 @@ def check_between(pickled: bytes, point: Array, coefficients: Array) -> Found:
             return found._replace(reason="the foot does not face the ball")
         motion = verdict.planned().motion
         posture = motion.robot.posture(motion.q(0.0))
-        contact, wished = task.target.contact, velocity_at(point)
+        contact, wished = task.target.contact, launch_velocity(point)
         try:
-            launch = strike(posture, motion.v(0.0), context.kicks.ball, contact).ball_after.velocity
+            launch = strike(posture, motion.v(0.0), kicks.ball, contact).ball_after.velocity
         except KickdynError as error:
             return found._replace(reason=str(error))
     missed = launch - wished
@@ -386,5 +359,5 @@ def _axes(leg: Leg) -> dict[str, Array]:
 def described(kicks: Kicks, point: Array) -> tuple[dict[str, Any], list[str]]:
     """Return the arrays of robot, ball and splines, and the names of the limits."""
     with one_thread():
-        task = _Context(kicks).task(point)
+        task = kicks.task(point)
         return robot_arrays(task, kicks), labels_of(motion_problem(task))

@@ -8,8 +8,11 @@ from functools import partial
 
 import numpy as np
 
+from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.core.validation import Array
+from kickdyn.contact import Contact
+from kickdyn.core import validation
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.impact_target import impact_target_for, trapped_ball
 from kickdyn.planning.goal import Goal
@@ -21,6 +24,7 @@ from kickdyn.planning.intercepting_kick import (
 )
 from kickdyn.planning.interception import (
     CANDIDATES,
+    FASTEST_BALL,
     IN_GROUND,
     LONGEST_WAIT,
     SHORTEST_COURSE,
@@ -39,7 +43,14 @@ from kickdyn.planning.kick_problem import (
     keep_apart,
     solve_kick,
 )
-from kickdyn.planning.kick_steps import one_thread, plan_flight_launch, plan_pass_launch
+from kickdyn.planning.kick_steps import (
+    checked_contact,
+    checked_leg,
+    checked_objective,
+    one_thread,
+    plan_flight_launch,
+    plan_pass_launch,
+)
 from kickdyn.planning.kick_terms import BallPosition, Objective
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.meeting import Meeting
@@ -427,3 +438,59 @@ def _replan(kick: InterceptingKick, plan: KickPlan, incoming: IncomingBall) -> K
         if point is not None:
             return _plan_of(task.kick(problem, point))
     return plan_interception(task.leg, incoming, settings)
+
+
+@validation.check_arguments
+def plan_trap(
+    leg: Leg,
+    incoming: BallState | IncomingBall,
+    ball: Ball,
+    air: Air | None = None,
+    *,
+    velocity: ArrayLike = (0.0, 0.0, 0.0),
+    objective: str | None = None,
+    contact: Contact | None = None,
+    limits: bool | str = True,
+) -> KickPlan:
+    r"""Find posture and joint velocity with which the foot leaves a moving ball at rest.
+
+    It is a kick with another goal, a velocity v of the ball just after it: the impulse is
+    :math:`p = m (v - v_0)`, and along its normal the foot has the velocity
+    :math:`n \cdot v_0 + n \cdot W p / (1 + e)`. With restitution e, it retreats from the ball. The
+    spin is braked as far as friction can do so; after a ball that rolls, some of it is left.
+
+    Args:
+        leg: the leg that kicks, as for `plan_kick`.
+        incoming: the ball that moves, as for `plan_kick`.
+        ball: the ball; its mass and radius count.
+        air: the air; None is the vacuum.
+        velocity: of the ball just after the contact, shape `(3,)` [m/s, world frame].
+        objective: a `KickObjective` of the impact; None is `joint-speed`.
+        contact: restitution, friction and offset of the contact, as for `plan_kick`.
+        limits: whether limits of speed and torque hold, as for `plan_kick`.
+
+    Returns:
+        The plan. Its `goal` is the ball with the wished velocity, without spin; `launch` is the
+        ball with the spin that is left; `path` is followed to rest, each flight and the rolling for
+        10 s at most.
+
+    Raises:
+        InvalidInput: a ball that moves so already, and as for `plan_kick`.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> rolls = kd.BallState((2, 0, -0.7042), (-2.5, 0, 0), (0, -22.77, 0))
+        >>> plan = kd.plan_trap(kd.Leg.human(), rolls, kd.Ball(), kd.Air())
+        >>> str(plan.status), bool(plan.impact.ball_after.speed < 1e-9)
+        ('met', True)
+    """
+    moving_ball = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
+    wish = validation.vector("velocity", velocity, 3, unit="m/s")
+    validation.number(
+        "speed after the contact", math.hypot(*wish), at_most=FASTEST_BALL, unit="m/s"
+    )
+    objective = checked_objective(objective)
+    settings = KickSettings(
+        BallState(velocity=wish), ball, air, checked_contact(contact), objective, limits, None
+    )
+    return plan_interception(checked_leg(leg), moving_ball, settings)

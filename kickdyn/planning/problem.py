@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, lru_cache
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 from scipy.optimize import minimize
@@ -160,9 +160,32 @@ class Problem(Generic[Point]):
         point = self._point(x)
         return np.concatenate([f.slope(point) / f.scale for f in self.functions(kind)])
 
-    def solve(self, start: Array, solver: "Solver") -> Array | None:
-        """Return unknowns that solve the problem, near some to start from; None without any."""
-        x = np.clip(solver(self, start), *self.bounds)
+    def solve(self, start: Array) -> Array | None:
+        """Return unknowns that solve the problem, near some to start from; None without any.
+
+        By sequential least squares (SLSQP of SciPy), the objective scaled to 1 at the start; D.
+        Kraft, A software package for sequential quadratic programming, DFVLR-FB 88-28, 1988.
+        """
+        scale, bounds = abs(float(self.values(Kind.OBJECTIVE, start)[0])) or 1.0, self.bounds
+        constraints = [
+            {
+                "type": name,
+                "fun": lambda x, kind=kind: self.values(kind, x),
+                "jac": lambda x, kind=kind: self.slopes(kind, x),
+            }
+            for name, kind in (("eq", Kind.EQUALITY), ("ineq", Kind.INEQUALITY))
+            if self.functions(kind)
+        ]
+        result = minimize(
+            lambda x: float(self.values(Kind.OBJECTIVE, x)[0]) / scale,
+            np.clip(start, *bounds),
+            jac=lambda x: self.slopes(Kind.OBJECTIVE, x)[0] / scale,
+            method="SLSQP",
+            bounds=list(zip(*bounds, strict=True)),
+            constraints=constraints,
+            options={"maxiter": 80, "ftol": 1e-7},
+        )
+        x = np.clip(result.x, *bounds)
         return x if self._is_solved(x) else None
 
     def polish(self, x: Array) -> Array:
@@ -227,35 +250,3 @@ class Problem(Generic[Point]):
     @cached_property
     def _point(self) -> Callable[[Array], Point]:
         return keep_last(self.point)
-
-
-Solver = Callable[[Problem[Any], Array], Array]
-"""From a problem and unknowns to start from to unknowns that may solve it, shape `(n,)`."""
-
-
-def slsqp(problem: Problem[Any], start: Array) -> Array:
-    """Solve by sequential least squares (SLSQP of SciPy), the objective scaled to 1 at the start.
-
-    Source: D. Kraft, A software package for sequential quadratic programming, DFVLR-FB 88-28, 1988.
-    """
-    scale = abs(float(problem.values(Kind.OBJECTIVE, start)[0])) or 1.0
-    lower, upper = problem.bounds
-    constraints = [
-        {
-            "type": name,
-            "fun": lambda x, kind=kind: problem.values(kind, x),
-            "jac": lambda x, kind=kind: problem.slopes(kind, x),
-        }
-        for name, kind in (("eq", Kind.EQUALITY), ("ineq", Kind.INEQUALITY))
-        if problem.functions(kind)
-    ]
-    result = minimize(
-        lambda x: float(problem.values(Kind.OBJECTIVE, x)[0]) / scale,
-        np.clip(start, lower, upper),
-        jac=lambda x: problem.slopes(Kind.OBJECTIVE, x)[0] / scale,
-        method="SLSQP",
-        bounds=list(zip(lower, upper, strict=True)),
-        constraints=constraints,
-        options={"maxiter": 80, "ftol": 1e-7},
-    )
-    return np.asarray(result.x)

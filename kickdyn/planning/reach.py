@@ -18,6 +18,7 @@ from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.files import check_writable, read_text, replacing
 from kickdyn.core.mechanics import GRAVITY
+from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import FaultyFile, InvalidInput
@@ -114,11 +115,32 @@ class ReachTable(ReprMixin):
             lines.append(f"{''.join(f'{text:>11}' for text in texts)}  {row.reason}".rstrip())
         return lines
 
+    @styled()
     def plot(self) -> Any:
-        """Return a figure of matplotlib: speeds and distances by elevation."""
-        from kickdyn.planning.reach_plot import reach_figure  # it imports matplotlib
+        """Return a figure of matplotlib: speeds, and distances on carpet and turf, by elevation."""
+        from matplotlib.figure import Figure
 
-        return reach_figure(self)
+        figure = Figure(figsize=(7.5, 6.5))
+        speeds, distances = figure.subplots(2, 1, sharex=True)
+        for number, side in enumerate(dict.fromkeys(row.azimuth for row in self.rows)):
+            rows = sorted(
+                (row for row in self.rows if row.azimuth == side), key=lambda row: row.elevation
+            )
+            angles, colour = [row.elevation for row in rows], f"C{number}"
+            largest, label = [row.speed for row in rows], f"azimuth {side:g} deg"
+            speeds.plot(angles, largest, "o-", color=colour, label=label)
+            for name, line in (("carpet", "o-"), ("turf", "s--")):
+                lengths = [getattr(row, name) for row in rows]
+                label = "" if number else name
+                distances.plot(angles, lengths, line, color=colour, label=label)
+        speeds.set(ylabel="largest launch speed [m/s]")
+        distances.set(xlabel="elevation [deg]", ylabel="distance until the ball rests [m]")
+        for axes in (speeds, distances):
+            axes.set_ylim(bottom=0.0)
+            axes.legend()
+        limits = "within the limits of the motion" if self.motion else "within those of the impact"
+        figure.suptitle(f"{self.robot}: {limits}".replace("$", r"\$"))
+        return figure
 
 
 @validation.check_arguments

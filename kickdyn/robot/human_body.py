@@ -27,6 +27,26 @@ from kickdyn.robot.catalog import SURFACES, TOE, normal_cone
 from kickdyn.robot.segment_tables import Segment, Sex, segments
 from kickdyn.robot.urdf_file import UrdfFile, build_model, read_urdf, shipped_urdf
 
+HILL = 0.25
+"""k = a / F_0 of muscles of frogs (Hill 1938, Proc. R. Soc. Lond. B 126:136)."""
+
+
+def muscle_share(u: Any) -> Any:
+    r"""Return the torque of muscles over that at rest, which falls with speed in the form of Hill.
+
+    .. math:: \frac{\tau(\omega)}{\tau_0} = \frac{1 - u}{1 + u / k}, \qquad
+              u = \frac{\omega}{\omega_0}
+
+    At the speed :math:`\omega_0` of shortening, a joint has no torque; u is from 0 to 1. Muscles
+    that lengthen count as at rest, although they are stronger.
+    """
+    return (1.0 - u) / (1.0 + u / HILL)
+
+
+def muscle_share_slope(u: Any) -> Any:
+    """Return the derivative of `muscle_share`."""
+    return -(1.0 + 1.0 / HILL) / (1.0 + u / HILL) ** 2
+
 
 class Side(StrEnum):
     """Side of the kicking leg."""

@@ -16,7 +16,6 @@ from kickdyn.core.mechanics import cross3
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, ArrayLike, protect, read_only
 from kickdyn.errors import InvalidInput, MjcfError, UrdfError
-from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import ROBOTS, TOE, find_description, read_robot
 from kickdyn.robot.constraints import (
     ConstraintProjector,
@@ -24,7 +23,7 @@ from kickdyn.robot.constraints import (
 )
 from kickdyn.robot.drives import catalogued_drives
 from kickdyn.robot.human_body import human_leg
-from kickdyn.robot.joint_space import JointSpace
+from kickdyn.robot.joint_space import ArticulatedBodies, JointSpace
 from kickdyn.robot.joint_table import DEGREES, InDegrees, look_like_degrees
 from kickdyn.robot.leg_model import Drives, LegModel
 from kickdyn.robot.mjcf_file import is_mjcf, read_mjcf

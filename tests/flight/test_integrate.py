@@ -8,9 +8,9 @@ from tolerances import integrated
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
-from kickdyn.flight.equations import FINEST, FlightEquations
 from kickdyn.flight.events import CREST, ground_event
 from kickdyn.flight.fly import fly_arc
+from kickdyn.flight.forces import FINEST, FlightEquations
 from kickdyn.flight.integrate import Tolerance, integrate
 
 BALL = kd.Ball()

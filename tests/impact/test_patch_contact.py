@@ -10,7 +10,7 @@ from scipy.integrate import dblquad
 from tolerances import agrees, closed_form, differenced, integrated
 
 import kickdyn as kd
-from kickdyn.impact.inflated_force import GAS_EXPONENT, gauge_pressure
+from kickdyn.impact.force_model import GAS_EXPONENT, gauge_pressure
 from kickdyn.impact.patch_contact import FootPatch, _across, overlap
 from kickdyn.restitution import SHELL_RESTITUTION
 

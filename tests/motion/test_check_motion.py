@@ -8,7 +8,7 @@ from tolerances import agrees, closed_form
 
 import kickdyn as kd
 from kickdyn.core.files import shipped
-from kickdyn.motion.recorded_motion import FrameTable, record
+from kickdyn.motion.recorded_motion import record
 from kickdyn.robot.standing import StandingRobot
 
 BALL, CONTACT = kd.Ball(), kd.Contact(None, 0.7, 0.3)
@@ -30,7 +30,7 @@ def on_one_foot(**changes):
             angles[name] = value if frame == round(time * RATE) else angles.get(name, 0.0)
         rows.append(standing.robot_state(leg.configuration(angles), np.zeros(leg.nv))[0])
     rows = np.array(rows)
-    return record(BIPED, FrameTable(RATE, T, rows[:, :7], rows[:, 7:], None))
+    return record(BIPED, RATE, T, rows)
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +95,7 @@ def test_torques_are_those_of_inverse_dynamics_with_the_ground_on_the_foot(swung
 def test_a_higher_ground_under_a_higher_robot_changes_nothing(swung):
     motion, check = swung
     q = motion.q + 0.3 * np.eye(BIPED.nq)[2]
-    higher = record(BIPED, FrameTable(RATE, T, q[:, :7], q[:, 7:], None))
+    higher = record(BIPED, RATE, T, q)
     other = kd.check_motion(higher, BIPED, BALL, CONTACT, ground=0.3, ground_friction=0.6)
     agrees(other.forces.torque, check.forces.torque, closed_form(1e5))
     assert other.margins.keys() == check.margins.keys()
@@ -107,7 +107,7 @@ def test_on_both_feet_the_wrenches_add_up():
     standing = StandingRobot(BIPED)
     q = standing.robot_state(standing.leg.configuration(), np.zeros(standing.leg.nv))[0]
     rows = np.tile(q, (COUNT, 1))
-    motion = record(BIPED, FrameTable(RATE, T, rows[:, :7], rows[:, 7:], None))
+    motion = record(BIPED, RATE, T, rows)
     check = kd.check_motion(motion, BIPED, BALL)
     assert check.forces.stands.all()
     assert np.abs(check.forces.torque[:, :6]).max() < 1e-9

@@ -18,8 +18,7 @@ from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.kick_task import KickTask
 from kickdyn.motion.motion_problem import SHARE, MotionProblem
 from kickdyn.motion.row_blocks import Block, Cost, block_solver, make_rows
-from kickdyn.motion.solution import Multipliers, Solution
-from kickdyn.motion.splines import MotionSplines
+from kickdyn.motion.splines import MotionSplines, Multipliers, Solution
 from kickdyn.motion.verdict import Verdict
 from kickdyn.robot.collisions import TOUCHING, find_ball_overlaps
 from kickdyn.robot.standing import StandingRobot, joint_spheres

@@ -42,7 +42,7 @@ def test_polynomials_of_degree_4_are_differentiated_exactly(window, tmp_path):
     a = np.column_stack([12 * T**2, -6 * T, np.full(COUNT, 2.0)])
     agrees(motion.v, v + after[:, None] * [5.0, -3.0, 1.0], closed_form(RATE))
     agrees(motion.a, a, closed_form(RATE**2))
-    assert all(part.amount < closed_form(RATE) for part in motion.smoothing)
+    assert all(amount < closed_form(RATE) for _, amount, _ in motion.smoothing)
 
 
 @pytest.mark.parametrize("facing", ["x", "y"])

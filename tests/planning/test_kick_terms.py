@@ -10,8 +10,13 @@ from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.planning import kick_terms as module
 from kickdyn.planning.ball_clearance import RESERVE, BodyClearance
 from kickdyn.planning.kick_problem import kick_problem
-from kickdyn.planning.kick_terms import BallPosition, KickVariables, SpeedLimit, TorqueLimit
-from kickdyn.planning.muscle_limit import MuscleTorqueLimit
+from kickdyn.planning.kick_terms import (
+    BallPosition,
+    KickVariables,
+    MuscleTorqueLimit,
+    SpeedLimit,
+    TorqueLimit,
+)
 from kickdyn.planning.objectives import OBJECTIVES, LargestShare
 from kickdyn.planning.problem import Function
 from kickdyn.planning.stance import SupportImpulse

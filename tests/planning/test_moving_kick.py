@@ -28,7 +28,7 @@ GOAL = kd.Goal(18, time=1.2)
 
 
 def interceptor(incoming, goal=GOAL, air=AIR, surface=None, reach=None):
-    options = checked_contact(None), KickObjective.JOINT_SPEED, True, surface, "slsqp"
+    options = checked_contact(None), KickObjective.JOINT_SPEED, True, surface
     settings = KickSettings(goal, BALL, air, *options)
     return Interceptor(HUMAN, settings, incoming, reach=reach)
 

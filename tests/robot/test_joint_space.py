@@ -9,7 +9,7 @@ from tolerances import agrees, closed_form
 
 import kickdyn as kd
 from kickdyn.impact.leg_response import foot_wrench
-from kickdyn.robot.articulated_body import ArticulatedBodies
+from kickdyn.robot.joint_space import ArticulatedBodies
 
 KINDS = {
     "floating": pin.JointModelFreeFlyer, "ball": pin.JointModelSpherical,

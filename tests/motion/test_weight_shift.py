@@ -56,7 +56,7 @@ def motion():
         patch.setattr(plan_motion, "plan_motion", stop)
         with pytest.raises(kd.InvalidInput, match="enough"):
             kd.plan_kick(robot, kd.Goal(2, time=0.4), kd.Ball(), motion="both-feet")
-    task, problem = tasks[0], plan_motion._problem_of(tasks[0])
+    task, problem = tasks[0], plan_motion.motion_problem(tasks[0])
     rest, _ = next(plan_motion._starts(problem, plan_motion._Near(None)))
     knots = np.repeat([[-0.3, 0], [0, 0.3]], 4, 1)
     splines = [BSpline(t, np.tile(rest, (4, 1)), 3) for t in knots]

@@ -15,7 +15,7 @@ def test_an_input_that_failed_once_gives_a_result_or_a_line(file, tmp_path):
     fuzz.run(file.stem.split("-")[0], text, tmp_path)
 
 
-@pytest.mark.parametrize("kind", ["urdf", "mjcf", "trc", "mot", "drives", "mesh", "csv"])
+@pytest.mark.parametrize("kind", ["urdf", "mjcf", "trc", "mot", "drives", "mesh", "csv", "motion"])
 def test_broken_input_gives_a_result_or_a_line(kind, tmp_path):
     for _, text in islice(fuzz.inputs(1000, [kind]), 12):
         try:
@@ -38,7 +38,7 @@ def test_broken_input_ends_no_process(seed, monkeypatch):
 
 
 @pytest.mark.parametrize("kind", [
-    "csv", "mesh", "trc", "mot",
+    "csv", "mesh", "trc", "mot", "motion",
     *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("c3d", "netcdf", "zarr", "reach"))
 ])  # fmt: skip
 def test_good_files_are_read(kind, tmp_path):

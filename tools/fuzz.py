@@ -50,6 +50,7 @@ on."""
 WEIGHTS = {
     **{"urdf": 250, "mjcf": 100, "mesh": 200, "scene": 40, "csv": 200, "c3d": 2},
     **{"netcdf": 10, "zarr": 4, "cli": 10, "trc": 60, "mot": 60, "drives": 60, "reach": 60},
+    **{"motion": 60},
 }
 """How often each kind of input is drawn: what takes long is rare."""
 
@@ -98,6 +99,8 @@ def seeds(kind: str) -> list[str]:
         packed = TRC.replace("\tm\t", "\tmm\t").replace("knee\t\t\t", "knee\t")
         states = MOT.replace("hip", "/hip/hip_r/value").replace("\t", "  ").replace("0.", "0,")
         return {"trc": [TRC, packed], "mot": [MOT, states], "reach": [reach()]}[kind]
+    if kind == "motion":
+        return motions()
     if kind == "drives":
         return [file.read_text("utf-8") for file in sorted((ROOT / "drives").glob("*.toml"))]
     files = sorted((ROOT / "urdf").glob("*.urdf")) if kind == "urdf" else scenes()
@@ -168,6 +171,19 @@ MOT = "angles\nversion=1\nnRows=20\nnColumns=4\ninDegrees=yes\nendheader\n" + ""
     ["time\thip\tknee\tpelvis_tx\n", *(f"{k / 100}\t{2 * k}\t{-k}\t0.01\n" for k in range(20))]
 )
 """A file of joint angles."""
+
+
+def motions() -> list[str]:
+    """Return recorded motions of the human leg: CSV with and without names, and NPZ."""
+    import numpy as np
+
+    t = np.arange(20)[:, None] / 50.0
+    angles = 0.3 + 0.2 * np.sin(t * [[5.0, 7.0, 9.0]])
+    text = "\n".join(",".join(f"{x:.6f}" for x in row) for row in angles)
+    names = ["hip", "knee", "ankle"]
+    packed = io.BytesIO()
+    np.savez(packed, fps=50.0, joint_names=np.array(names), joint_pos=angles, joint_vel=0 * angles)
+    return [text, f"{','.join(names)}\n{text}", packed.getvalue().decode("latin-1")]
 
 
 def reach() -> str:
@@ -395,7 +411,7 @@ def run(kind: str, what: str, folder: Path) -> bool | None:
     feeds = {"urdf": run_urdf, "mjcf": run_mjcf, "mesh": run_mesh, "scene": run_scene}
     feeds |= {"csv": run_track, "c3d": run_track, "netcdf": run_sweep, "zarr": run_sweep}
     feeds |= {"cli": run_cli, "trc": run_body, "mot": run_body}
-    feeds |= {"drives": run_drives, "reach": run_reach}
+    feeds |= {"drives": run_drives, "reach": run_reach, "motion": run_motion}
     return feeds[kind](what, folder)
 
 
@@ -518,6 +534,27 @@ def run_drives(text: str, folder: Path) -> bool:
     file = folder / "drives.toml"
     file.write_bytes(text.encode("utf-8", "surrogatepass"))
     return refused_or(lambda: str(kd.Leg.human().with_drives(file)))
+
+
+def run_motion(text: str, folder: Path) -> bool:
+    """Read a recorded motion of the human leg, an NPZ file if it begins as one."""
+    import numpy as np
+
+    import kickdyn as kd
+
+    is_packed = text.startswith("PK")
+    file = folder / ("motion.npz" if is_packed else "motion.csv")
+    content = (
+        text.encode("latin-1", "replace") if is_packed else text.encode("utf-8", "surrogatepass")
+    )
+    file.write_bytes(content)
+
+    def check() -> None:
+        motion = kd.read_motion(file, kd.Leg.human(), rate=None if is_packed else 50.0)
+        str(motion)
+        assert all(np.isfinite(values).all() for values in (motion.q, motion.v, motion.a))
+
+    return refused_or(check)
 
 
 def run_reach(text: str, folder: Path) -> bool:

@@ -104,7 +104,8 @@ def _is_number(word: str) -> bool:
 def _read_npz(file: str | os.PathLike[str], source: str) -> MotionTable:
     check_file(file, source, LARGEST, FaultyFile)
     try:
-        with np.load(file, allow_pickle=False) as read:
+        # NumPy leaves a damaged file open that it has opened itself
+        with Path(file).open("rb") as opened, np.load(opened, allow_pickle=False) as read:
             arrays = {name: read[name] for name in (*_SHAPES, "fps", "joint_names")
                       if name in read.files and read[name].size}  # fmt: skip
     except (BadZipFile, ValueError, OSError, EOFError, AttributeError) as error:

@@ -20,6 +20,7 @@ the robot stands on its supporting foot, z is up, and azimuth 0 is along x.
 
 import hashlib
 import os
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -227,7 +228,8 @@ def read_kicks(file: str | os.PathLike[str]) -> KickReader:
         ValueError: the file is no library of this format, or damaged.
     """
     try:
-        with np.load(file, allow_pickle=False) as stored:
+        # NumPy leaves a damaged file open that it has opened itself
+        with Path(file).open("rb") as opened, np.load(opened, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
     except FileNotFoundError:
         raise

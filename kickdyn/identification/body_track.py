@@ -361,7 +361,9 @@ def _table(
     if not rows:
         raise FaultyFile(source, ["it has no row of numbers"])
     table = np.array(rows)
-    late = np.flatnonzero(~(np.diff(table[:, time], prepend=-math.inf) > 0.0))
+    times = table[:, time]
+    before = np.append(-math.inf, times[:-1])
+    late = np.flatnonzero(~(np.isfinite(times) & (times > before)))
     if late.size:
         raise FaultyFile(source, [f"times must increase, at line {numbers[int(late[0])]}"])
     return table

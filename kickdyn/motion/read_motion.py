@@ -7,7 +7,6 @@ from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import NamedTuple
-from zipfile import BadZipFile
 
 import numpy as np
 import pinocchio as pin
@@ -108,7 +107,7 @@ def _read_npz(file: str | os.PathLike[str], source: str) -> MotionTable:
         with Path(file).open("rb") as opened, np.load(opened, allow_pickle=False) as read:
             arrays = {name: read[name] for name in (*_SHAPES, "fps", "joint_names")
                       if name in read.files and read[name].size}  # fmt: skip
-    except (BadZipFile, ValueError, OSError, EOFError, AttributeError) as error:
+    except Exception as error:  # NumPy and zipfile raise many kinds for damaged bytes
         raise FaultyFile(source, [f"is no NPZ file of arrays: {error}"]) from None
     if "joint_pos" not in arrays:
         raise FaultyFile(source, ["has no joint_pos, the positions of the joints"])

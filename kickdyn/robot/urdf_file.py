@@ -41,6 +41,9 @@ MAX_LINKS = 3000
 MAX_MOVING_JOINTS = 250
 """Pinocchio's workspace takes about 32 n^3 bytes: 0.5 GB here."""
 
+LARGEST_MIMIC = 1e4
+"""Largest multiplier and offset of a mimic joint [rad or m, per rad or m]."""
+
 MOVING = ("revolute", "continuous", "prismatic")
 
 NO_LIMIT = repr(sys.float_info.max)
@@ -366,8 +369,11 @@ def _check_mimics(
         mimic = joints[name].find("mimic")
         for key in ("multiplier", "offset"):
             text = "0" if mimic is None else mimic.get(key, "0")
-            if not math.isfinite(_number(text)):
-                faults.append(f"joint {name!r} mimic {key} is {text!r}: it must be a finite number")
+            if not abs(_number(text)) <= LARGEST_MIMIC:
+                faults.append(
+                    f"joint {name!r} mimic {key} is {text!r}: it must be a number of at most "
+                    f"{LARGEST_MIMIC:g} in size"
+                )
         kind = joints[driver].get("type") if driver in joints else None
         if kind is None:
             close = get_close_matches(driver[:200], list(joints), 1, 0.7)

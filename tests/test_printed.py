@@ -20,6 +20,9 @@ from kickdyn.planning.kick_reader import AXES
 SCALES = {"deg": math.degrees(1.0), "ms": 1e3, "mm": 1e3, "%": 100.0}
 """What a number in SI units is multiplied by for a unit; 1 for the others."""
 
+IN_TABLES = [SCALES["deg"] if axis in ("elevation", "azimuth") else 1.0 for axis in AXES]
+"""The same for the axes of a library of kicks."""
+
 PATHS = {
     "impulse on the ball": "impulse|impact.impulse", "ball after": "ball_after.velocity",
     "spin after": "ball_after.spin", "foot before": "foot_velocity",
@@ -57,9 +60,10 @@ FORMULAS = {
     ("plan", "objective joint-speed"):
         lambda plan: np.mean((plan.v / plan.leg.velocity_limit) ** 2),
     ("reach", "-10, 20 deg"): lambda reach: (21.43, 31.3, 44.3),
-    **{("library", axis): lambda library, k=k: library.reader.lower[k]
+    **{("library", axis): lambda library, k=k: IN_TABLES[k] * library.reader.lower[k]
        for k, axis in enumerate(AXES)},
-    **{("library kick", axis): lambda kick, k=k: kick.point[k] for k, axis in enumerate(AXES)},
+    **{("library kick", axis): lambda kick, k=k: IN_TABLES[k] * kick.point[k]
+       for k, axis in enumerate(AXES)},
     **{("library kick", row): lambda kick, unit=unit: min(
         value for name, value in kick.margins.items() if name.partition(" [")[2] == unit)
        for row, unit in (("least margin", ""), ("least distance", "m]"), ("least angle", "rad]"))},

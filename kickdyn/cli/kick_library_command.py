@@ -124,15 +124,16 @@ def kick_library(
         )  # fmt: skip
     chosen = None if output.kick is None else _kick(library, output.kick)
     output.write_json((library if chosen is None else chosen).to_json())
+    if chosen is not None and not chosen.met:
+        raise InvalidInput(f"there is no kick: {chosen.reason}")
     if output.prints:
         for result in (library, chosen):
             if result is not None:
                 print_wrapped("\n".join(repr(result).splitlines()[1:]))
-    if output.out is not None:
-        if chosen is None or chosen.motion is None:
-            reason = "" if chosen is None else chosen.reason
-            raise InvalidInput(f"there is no motion to write to {output.out}: {reason}")
+    if output.out is not None and chosen is not None and chosen.motion is not None:
         chosen.motion.save(output.out)
+        if output.prints:
+            click.echo(f"the impact is {-chosen.motion.begin:.4g} s after the beginning")
     output.name_written(output.out)
 
 

@@ -110,13 +110,13 @@ def kick_library(
     path = Path(file)
     if path.suffix != ".npz":
         raise InvalidInput(f"{path.name} has the extension {path.suffix!r}: it must be .npz")
-    contact = checked_contact(contact)
+    given, contact = contact, checked_contact(contact)
     named = {"speed": speed, "elevation": elevation, "azimuth": azimuth, "x": x, "y": y}
     ranges = {name: _checked_range(name, value) for name, value in named.items()}
     if speed is None or path.exists():
         library = KickLibrary(path, robot)
-        if speed is not None:
-            library.check_ranges(ranges)
+        library.check_ranges(ranges if speed is not None else {})
+        library.check_impact(ball, given, height)
         return library
     if not isinstance(contact.restitution, float):
         raise InvalidInput("the restitution depends on the speed: a library needs a single value")
@@ -187,6 +187,11 @@ class KickLibrary(ReprMixin):
                 f"{len(self.reader.joints)} joints and {a['masses'].sum():.4g} kg: {robot.name} "
                 f"has {len(whole.joint_names)} and {masses.sum():.4g} kg"
             )
+        point = whole.posture(whole.configuration()).contact_lever
+        if whole.contact_joint - 1 != a["contact"] or not np.allclose(point, a["contact_point"]):
+            raise InvalidInput(
+                f"{self.file.name} is a library of kicks with another frame than {robot.frame}"
+            )
 
     @property
     def covered(self) -> float:
@@ -198,7 +203,7 @@ class KickLibrary(ReprMixin):
     def _rows(self) -> Iterable[Row]:
         yield "robot", str(self.reader.arrays["robot"]), ""
         for name, low, high in zip(AXES, self.reader.lower, self.reader.upper, strict=True):
-            yield name, f"{low:.4g} to {high:.4g}" if high > low else f"{low:.4g}", UNITS[name]
+            yield name, _shown(name, low, high), ""
         yield "motions", len(self.reader.arrays["coefficients"]), ""
         yield "covered share of the ranges", self.covered, ""
 
@@ -217,11 +222,31 @@ class KickLibrary(ReprMixin):
     def check_ranges(self, ranges: Mapping[str, tuple[float, float] | None]) -> None:
         """Raise `InvalidInput` for ranges that are not those of the library; None is any."""
         stored = zip(self.reader.lower.tolist(), self.reader.upper.tolist(), strict=True)
-        for (name, pair), (low, high) in zip(ranges.items(), stored, strict=True):
+        for name, (low, high) in zip(AXES, stored, strict=True):
+            pair = ranges.get(name)
             if pair is not None and not np.allclose(pair, (low, high)):
                 raise InvalidInput(
-                    f"{name} is {pair[0]:.4g} to {pair[1]:.4g}: {self.file.name} exists, for "
-                    f"{low:.4g} to {high:.4g} {UNITS[name]}"
+                    f"{name} is {_shown(name, *pair)}: {self.file.name} exists, for "
+                    f"{_shown(name, low, high)}"
+                )
+
+    def check_impact(
+        self, ball: Ball | None, contact: Contact | None, height: float | None
+    ) -> None:
+        """Raise `InvalidInput` for another ball, contact or height of it; None is any."""
+        a = self.reader.arrays
+        asked = {
+            "mass of the ball": (ball and ball.mass, a["ball"][0], "kg"),
+            "radius of the ball": (ball and ball.radius, a["ball"][1], "m"),
+            "height of the ball": (height, a["ball"][2], "m"),
+            "restitution": (contact and contact.restitution, a["impact"][0], ""),
+            "friction": (contact and contact.friction, a["impact"][1], ""),
+        }
+        for name, (value, stored, unit) in asked.items():
+            if value is not None and not (isinstance(value, float) and np.isclose(value, stored)):
+                raise InvalidInput(
+                    f"{name} is {validation.brief(value)}: {self.file.name} exists, for "
+                    f"{stored:.4g} {unit}".rstrip()
                 )
 
     def kick(
@@ -362,7 +387,7 @@ class KickLibrary(ReprMixin):
         """Return why there is no kick at a point, and the nearest one."""
         reader = self.reader
         outside = [
-            f"{name} is {value:.4g} {UNITS[name]}, outside of {low:.4g} to {high:.4g}"
+            f"{name} is {_shown(name, value, value)}, outside of {_shown(name, low, high)}"
             for name, value, low, high in zip(AXES, point, reader.lower, reader.upper, strict=True)
             if not low - 1e-9 <= value <= high + 1e-9
         ]
@@ -375,7 +400,7 @@ class KickLibrary(ReprMixin):
         if nearest is None:
             return "; ".join(outside)
         near = ", ".join(
-            f"{name} {nearest[k]:.4g} {UNITS[name]}"
+            f"{name} {_shown(name, nearest[k], nearest[k])}"
             for k, name in enumerate(AXES)
             if abs(nearest[k] - point[k]) > 1e-9
         )
@@ -427,8 +452,8 @@ class LibraryKick(ReprMixin):
     def _rows(self) -> Iterable[Row]:
         yield "status", "met" if self.met else f"none: {self.reason}", ""
         for name, value in zip(AXES, self.point, strict=True):
-            yield name, float(value), UNITS[name]
-        yield "heading", self.heading, "rad"
+            yield name, _shown(name, value, value), ""
+        yield "heading", math.degrees(self.heading), "deg"
         for unit, row in {"": "least margin", "m": "least distance", "rad": "least angle"}.items():
             margins = {name: value for name, value in self.margins.items() if _unit(name) == unit}
             if margins:
@@ -478,6 +503,14 @@ class LibraryKick(ReprMixin):
         return strike(
             motion.robot.posture(motion.q(0.0)), motion.v(0.0), self.library._ball, contact
         )
+
+
+def _shown(axis: str, low: float, high: float) -> str:
+    """Return a range of an axis, or its single value, with the unit; angles in degrees."""
+    is_angle = UNITS[axis] == "rad"
+    ends = np.degrees([low, high]) if is_angle else np.array([low, high])
+    unit = "deg" if is_angle else UNITS[axis]
+    return f"{ends[0]:.4g} to {ends[1]:.4g} {unit}" if high > low else f"{ends[0]:.4g} {unit}"
 
 
 def _unit(margin: str) -> str:

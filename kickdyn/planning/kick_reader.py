@@ -124,6 +124,9 @@ class KickReader:
 
     def kick(self, point: Array) -> InterpolatedKick | None:
         """Return the kick at speed, elevation, azimuth, x and y, `(5,)`; None where none is."""
+        point = np.asarray(point, dtype=float)
+        if point.shape != (5,) or not np.isfinite(point).all():
+            raise ValueError(f"the point must be 5 finite numbers, {', '.join(AXES)}")
         number = self.cell(point)
         if number is None:
             return None
@@ -203,6 +206,8 @@ class KickReader:
 
     def samples(self, kick: InterpolatedKick, rate: float) -> tuple[Array, Array, Array]:
         """Return times [s, impact at 0], and q and v of all joints at a rate [Hz]."""
+        if not rate > 0.0:
+            raise ValueError(f"rate is {rate}: it must be above 0 Hz")
         a, moving = self.arrays, self.arrays["moving"]
         begin, end = a["before_knots"][0], a["after_knots"][-1]
         times = np.arange(np.ceil(rate * begin), np.floor(rate * end) + 1) / rate

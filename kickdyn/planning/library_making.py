@@ -5,6 +5,7 @@ import math
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -102,6 +103,10 @@ class LibraryMaking:
                     others = [part for cell in others for part in self._halves(cell)]
                     self._plan_midpoints(others)
             self._write([*covered, *others])
+        except InvalidInput:
+            with suppress(OSError):  # it is empty unless motions were planned
+                self.folder.rmdir()
+            raise
         except STOPPED as error:
             motions = sum(1 for reason in self.nodes.values() if not reason)
             raise Unfinished(

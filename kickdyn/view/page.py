@@ -363,7 +363,7 @@ def draw_motion(viewer: Any, motion: Motion | RecordedMotion, text: str) -> tupl
             (phase.name, f"{phase.begin:.4g} to {phase.end:.4g} s from the impact")
             for phase in motion.phases
         ]
-    pace = Pace(times, int(np.abs(times - hit).argmin()), count)
+    pace = Pace(times - hit, int(np.abs(times - hit).argmin()), count)
     _draw(viewer, leg, postures)
     animation = Animation(default_framerate=RATE)
     for number, q in enumerate(postures):
@@ -384,7 +384,8 @@ def _draw(viewer: Any, leg: Leg, configurations: Sequence[Array]) -> None:
     points = np.vstack([corners, box_corners(joints, 0.05 * size)])
     forward = np.array([1.0, 0.0, 0.0])
     set_stage(viewer, camera_for(points, points, forward), points)
-    foot = np.array([*points.mean(axis=0)[:2], corners[:, 2].min()])
+    lowest = min(leg.posture(q).contact_point[2] for q in configurations[::8])
+    foot = np.array([*points.mean(axis=0)[:2], min(corners[:, 2].min(), lowest)])
     stripe = stripe_width(size)
     marks.draw_ground(viewer["ground"], foot, forward, stripe, 6 * size)
     marks.draw_axes(viewer["axes"], foot + 0.5 * size * np.array([-1.0, -1.0, 0.0]), stripe)

@@ -23,7 +23,7 @@ def test_a_library_is_made_and_gives_a_kick(kickdyn, tmp_path):
     written = np.loadtxt(tmp_path / "kick.csv", delimiter=",")
     np.testing.assert_array_equal(written, samples.joint_positions)
     refused = kickdyn("kick-library one.npz --kick 13,10 --out kick.csv", code=2)
-    assert "speed is 13 m/s, outside of 12 to 12" in refused.err
+    assert "speed is 13 m/s, outside of 12 m/s" in refused.err
     assert "--kick is '12'" in kickdyn("kick-library one.npz --kick 12", code=2).err
 
 

@@ -183,6 +183,27 @@ def test_bad_ranges_are_named(settings, named, tmp_path):
         make(tmp_path / "bad.npz", **settings)
 
 
+@pytest.mark.parametrize(
+    ("other", "named"),
+    [
+        ({"ball": kd.Ball(0.3, 0.11)}, "mass of the ball is 0.3"),
+        ({"ball": kd.Ball(radius=0.1)}, "radius of the ball is 0.1"),
+        ({"height": -0.5}, "height of the ball is -0.5"),
+        ({"contact": kd.Contact(None, 0.3, 0.4)}, "restitution is 0.3"),
+        ({"contact": kd.Contact(None, 0.8, 0.6)}, "friction is 0.6"),
+    ],
+)
+def test_a_library_of_another_impact_is_refused(other, named, library):
+    with pytest.raises(InvalidInput, match=f"{named}: human.npz exists"):
+        kd.kick_library(kd.Leg.human(), library.file, **other)
+
+
+def test_a_reader_refuses_what_is_no_point(library):
+    for point in (library.reader.lower[:2], np.full(5, np.nan)):
+        with pytest.raises(ValueError, match="5 finite numbers, speed"):
+            library.reader.kick(point)
+
+
 def test_a_library_is_read_for_its_ranges_only(library, tmp_path):
     assert make(library.file).covered == 1.0
     assert kd.kick_library(kd.Leg.human(), library.file).covered == 1.0

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 from scipy.linalg import blas, lapack
 
 from kickdyn.core.mechanics import GRAVITY
@@ -251,20 +252,28 @@ def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
 def find_singular_joints(model: Any, inertia: Array) -> list[str]:
     """Return the joints along whose motion the joint-space inertia is singular, or nearly so.
 
-    They are those with a share in its null vectors; or, if it has none, in the nearest to one.
+    They are those with a share in its null vectors; or, if it has none, in the nearest to one. If
+    entries are not finite, they are the joints with such an entry.
     """
+    singular: NDArray[np.bool_] = np.logical_not(np.isfinite(inertia).all(axis=1))
+    if not singular.any():
+        singular = _nearly_null(inertia)
+    return [
+        model.names[joint]
+        for joint in range(1, model.njoints)
+        if singular[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]].any()
+    ]
+
+
+def _nearly_null(inertia: Array) -> NDArray[np.bool_]:
+    """Return which velocities have a share in the null vectors of an inertia, or nearly so."""
     diagonal = inertia.diagonal()
     massless = diagonal <= 1e-14 * diagonal.max()  # they move no inertia
     scale = np.where(massless, 0.0, 1.0 / np.sqrt(np.where(massless, 1.0, diagonal)))
     scaled = inertia * scale * scale[:, None] + np.diag(2.0 * massless)
     values, vectors = np.linalg.eigh(scaled)
     null = vectors[:, values <= max(1e-11, 10.0 * values[0])]
-    singular = massless if massless.any() else (np.abs(null) > 0.1).any(axis=1)
-    return [
-        model.names[joint]
-        for joint in range(1, model.njoints)
-        if singular[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]].any()
-    ]
+    return np.asarray(massless if massless.any() else (np.abs(null) > 0.1).any(axis=1))
 
 
 def facing_doubts(model: Any, contact_joint: int) -> tuple[str, ...]:

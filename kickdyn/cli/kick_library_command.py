@@ -115,8 +115,8 @@ def kick_library(
         def progress(what: str, count: int, total: int) -> None:
             start, former = begun.setdefault(what, (perf_counter(), count))
             rate = (perf_counter() - start) / max(count - former, 1)
-            left = f", about {rate * (total - count) / 60:.0f} min" if count > former else ""
-            show(f"{count} of {total} {what}{left}")
+            remaining = f", about {rate * (total - count) / 60:.0f} min" if count > former else ""
+            show(f"{count} of {total} {what}{remaining}")
 
         library = make_library(
             leg.load(), file, ball.load(), **ranges.ranges(), height=ranges.height,

@@ -284,9 +284,9 @@ class KickLibrary(ReprMixin):
             heading, azimuth = azimuth - 0.5 * (low + high), 0.5 * (low + high)
         return self.kick_at(np.array([speed, math.asin(vz / speed), azimuth, *place]), heading)
 
-    def kick_at(self, point: Array, heading: float = 0.0) -> "LibraryKick":
+    def kick_at(self, point: ArrayLike, heading: float = 0.0) -> "LibraryKick":
         """Return the kick at speed, elevation, azimuth, x and y, `(5,)`, of a turned robot."""
-        reader = self.reader
+        reader, point = self.reader, validation.vector("point", point, 5)
         single = (reader.upper == reader.lower) & (np.abs(point - reader.lower) <= SAME)
         point = np.where(single, reader.lower, point)
         kick = reader.kick(point)

@@ -116,8 +116,12 @@ class LibraryMaking:
 
     def _begin(self) -> None:
         """Plan the first motion, or read what is stored."""
-        settings = json.dumps([self.ranges, REFINEMENTS, repr(self.kicks.ball),
-                               repr(self.kicks.contact), self.kicks.height])  # fmt: skip
+        robot = self.kicks.robot
+        settings = json.dumps([
+            self.ranges, REFINEMENTS, repr(self.kicks.ball), repr(self.kicks.contact),
+            self.kicks.height, robot.name, robot.frame, robot.joint_names,
+            [body.mass for body in robot.model.inertias],
+        ])  # fmt: skip
         stored = self.folder / "first.npz"
         if not stored.exists():
             middle = [0.5 * sum(self.ranges[name] or (0.0, 0.0)) for name in AXES]
@@ -223,11 +227,14 @@ class LibraryMaking:
             log.write(json.dumps(entry) + "\n")
 
     def _read_log(self) -> None:
-        """Read what was stored; a last line that was cut does not count."""
+        """Read what was stored, and remove a last line that was cut."""
         log = self.folder / "log.jsonl"
-        for line in log.read_text().splitlines(keepends=True) if log.exists() else ():
-            if not line.endswith("\n"):
-                continue
+        lines = log.read_text().splitlines(keepends=True) if log.exists() else []
+        if lines and not lines[-1].endswith("\n"):
+            with replacing(log) as draft:
+                draft.write_text("".join(lines[:-1]))
+            lines.pop()
+        for line in lines:
             entry = json.loads(line)
             if "node" in entry:
                 self.nodes[tuple(entry["node"])] = entry["reason"]

@@ -136,6 +136,11 @@ def test_an_interrupted_library_is_continued(library, tmp_path):
     for _ in range(2):
         with pytest.raises(Unfinished, match=r"again\.npz\.parts"):
             make(file, progress=stop)
+        with (tmp_path / "again.npz.parts" / "log.jsonl").open("a") as log:
+            log.write('{"node": [0')  # as if the process had been killed
+    heavier = kd.Leg.human(height=1.8, mass=75)
+    with pytest.raises(InvalidInput, match="other settings"):
+        kd.kick_library(heavier, file, **SETTINGS)
     with pytest.raises(InvalidInput, match="other settings"):
         make(file, speed=(12.0, 12.3))
     with ThreadPoolExecutor(1) as executor:
@@ -198,7 +203,10 @@ def test_a_library_of_another_impact_is_refused(other, named, library):
         kd.kick_library(kd.Leg.human(), library.file, **other)
 
 
-def test_a_reader_refuses_what_is_no_point(library):
+def test_what_is_no_point_is_refused(library):
+    for point in (library.reader.lower[:2], np.full(5, np.nan)):
+        with pytest.raises(InvalidInput, match="point"):
+            library.kick_at(point)
     for point in (library.reader.lower[:2], np.full(5, np.nan)):
         with pytest.raises(ValueError, match="5 finite numbers, speed"):
             library.reader.kick(point)

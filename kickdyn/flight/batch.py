@@ -1,8 +1,9 @@
 """Many flights: the answers of `fly`, one after the other or thousands in machine code."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -77,7 +78,7 @@ def fly_many(
 
     The results are as from `fly`. Some hundred flights are computed by it, one after the other.
     Machine code, which is a hundred times as fast, is loaded or compiled when the calls of a
-    process have taken as long as that would, half a second or twelve; a new air, ball or event then
+    process have taken as long as that would, half a second or eight; a new air, ball or event then
     takes another one. Both ways keep the tolerance, with errors of their own.
 
     Args:
@@ -214,14 +215,27 @@ def seconds_of_fly(tol: float) -> float:
     return float(1.2e-3 * (1e-9 / tol) ** 0.125)
 
 
-def _source() -> Source:
+def _source(within: bool | None = None) -> Source:
     from kickdyn.flight import march  # imports numba
 
-    return march.source()
+    return march.source() if within is None else march.reading_source(within)
 
 
-MARCH = MachineCode(_source, "the integration of flights", 12.0)
+MARCH = MachineCode(_source, "the integration of flights", 8.0)
 """With the equations of motion, which are compiled for each ball and air."""
+
+_READING = {
+    within: MachineCode(partial(_source, within), "the reading of events within steps", seconds)
+    for within, seconds in ((False, 0.3), (True, 2.0))
+}
+
+
+def marching(ends: Sequence[Event]) -> Callable[..., None]:
+    """Return `march` with the machine code that these events need."""
+    from kickdyn.flight.march import march
+
+    known = count_known(ends)
+    return partial(march, MARCH(), _READING[known < len(ends)](), known=known)
 
 
 class _Task(NamedTuple):
@@ -347,21 +361,21 @@ def _integrate(
     if not task.machine_code:
         return _one_by_one(task, np.arange(len(task.states.position))[rows], tol, longest)
     from kickdyn.flight.compiling import compiled_ends, compiled_rates
-    from kickdyn.flight.march import Flights, march
+    from kickdyn.flight.march import Flights
 
     ball, ends = task.ball, task.ends
     air = VACUUM if task.air is None else task.air
     rates = compiled_rates(ball, air)
     values = compiled_ends(tuple(end.function for end in ends), tuple(end.name for end in ends))
     flights = _flights(task, air, rows, tol, longest)
-    limits = max(tol, FINEST), task.time_limit, count_known(ends)
+    march, limits = marching(ends), (max(tol, FINEST), task.time_limit)
     try:
-        march(MARCH(), rates, values, flights, *limits)
+        march(rates, values, flights, *limits)
     except Exception:  # a coefficient's own: only its rows shall fail
         for i in range(len(flights.status)):
             row = Flights._make(array[i : i + 1] for array in flights)
             try:
-                march(MARCH(), rates, values, row, *limits)
+                march(rates, values, row, *limits)
             except Exception:
                 row.nodes[:], row.status[:], row.evaluations[:] = np.nan, FAILED, 0
     landed = flights.status == LANDED

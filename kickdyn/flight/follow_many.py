@@ -14,12 +14,11 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.batch import MARCH, checked_launches, landings, seconds_of_fly
+from kickdyn.flight.batch import MARCH, checked_launches, landings, marching, seconds_of_fly
 from kickdyn.flight.events import (
     NUMBERS,
     Event,
     checked_ends,
-    count_known,
     distance_to_plane,
     ground_event,
     plane_events,
@@ -190,7 +189,7 @@ class _Balls:
         if not rows.size:
             return
         from kickdyn.flight.compiling import compiled_ends, compiled_rolling
-        from kickdyn.flight.march import Flights, march
+        from kickdyn.flight.march import Flights
 
         begin, n = self.states(rows), len(rows)
         rolling = rolling_of(begin, self.ball, self.air, self.surface)
@@ -224,8 +223,8 @@ class _Balls:
             )
             functions, names = zip(*((end.function, end.name) for end in ends), strict=True)
             moving = Flights._make(array[moves] for array in rolled)
-            values, known = compiled_ends(functions, names), count_known(ends)
-            march(MARCH(), rates, values, moving, tol, time_limit, known)
+            values = compiled_ends(functions, names)
+            marching(ends)(rates, values, moving, tol, time_limit)
             rolled.nodes[moves], rolled.status[moves] = moving.nodes, moving.status
         for k in (1, 4):  # displacement and velocity
             rolled.nodes[:, k : k + 2] = turned_rows(rolled.nodes[:, k : k + 2], cosine, sine)

@@ -40,6 +40,7 @@ DIFFERENCE = 1e-6
 """Time over which the function of an event is differentiated, as a fraction of the step."""
 
 _named_tuple: Any = numba.types.NamedTuple
+_typeof: Any = numba.typeof
 
 _FLYING = -1
 _CREST, _NO_EVENT = -1, -2
@@ -82,59 +83,54 @@ class Flights(NamedTuple):
     evaluations: NDArray[np.int64]
 
 
-class Lanes(NamedTuple):
-    """The flights that are stepped side by side.
+LANE = np.dtype([
+    ("rates", float, (STAGES + 1, SIZE)),  # of each stage of the step, and at its end
+    ("sums", float, (4, SIZE)),  # rows to work in
+    ("scene", float, 5 * LANES),  # rows of `Flights.scene`, one entry after the other
+    ("state", float, SIZE),  # at the beginning of the step
+    ("new", float, SIZE),  # at its end
+    ("scale", float, SIZE),  # absolute tolerance of each state
+    ("point", float, SIZE),  # states at an event or shortly after the launch
+    ("time", float, LANES),  # at the beginning of the step [s]
+    ("step", float, LANES),  # its length [s]
+    ("longest", float, LANES),  # its greatest length [s]
+    ("error", float, LANES),  # estimated error of the step over the tolerated one
+    ("growth", float, LANES),  # factor of the next step that the error allows
+    ("taken", float, LANES),  # 1 if the step is taken as it is, else 0
+    ("rejected", float, LANES),  # 1 if the step before was rejected, else 0
+    ("after", float, LANES),  # fraction of the step after the event `fallen`
+    ("fallen", np.int64, LANES),  # event that is read to fall within the step, or `_NO_EVENT`
+    ("row", np.int64, LANES),  # which flight it is; -1 for none
+    ("calls", np.int64, LANES),  # evaluations so far
+], align=True)  # fmt: skip
+"""Flights that are stepped side by side. Machine code passes a record by its address."""
+
+
+class Measured(NamedTuple):
+    """Functions of the k events of all lanes, one event after the other.
 
     Attributes:
-        rates: of each stage of the step; in row 0 at its beginning, in the last at its end.
-        sums: four rows to work in.
-        begin, end: value and slope of the events' functions at both ends of the step.
-        scene, numbers: rows of `Flights`, of all lanes, one entry after the other.
-        state, new: states at the beginning and at the end of the step.
-        scale: absolute tolerance of each state.
-        point, value: states at an event or shortly after the launch, and the values of the events'
-            functions there.
-        parts: values of the events' functions at both ends of the step and between its parts.
-        most: greatest change of the events' functions in a part of the step.
-        least: least sum of their values at both ends of a part, one of which is positive.
-        copies: numbers of the events of one flight, for all lanes.
-        time, step, longest: at the beginning of the step, its length, its greatest length [s].
-        error: estimated error of the step over the tolerated one.
-        growth: factor of the next step that the error allows.
-        taken: 1 where the step is taken as it is, else 0.
-        rejected: 1 where the step before was rejected, else 0.
-        row: which flight it is; -1 for none.
-        calls: evaluations so far.
+        begin, end: value and slope at both ends of the step, `(2, k LANES)`.
+        numbers, copies: the events' numbers, of all lanes and of one flight, `(4 k LANES,)`.
+        value: values at the states `point`, `(k LANES,)`.
+        parts: values at both ends of the step and between its parts.
+        most: greatest change in a part of the step.
+        least: least sum of the values at both ends of a part, one of which is positive.
     """
 
-    rates: Array
-    sums: Array
     begin: Array
     end: Array
-    scene: Array
     numbers: Array
-    state: Array
-    new: Array
-    scale: Array
-    point: Array
+    copies: Array
     value: Array
     parts: Array
     most: Array
     least: Array
-    copies: Array
-    time: Array
-    step: Array
-    longest: Array
-    error: Array
-    growth: Array
-    taken: Array
-    rejected: Array
-    row: NDArray[np.int64]
-    calls: NDArray[np.int64]
 
 
 def march(
     code: Callable[..., Any],
+    reading: Callable[..., Any],
     rates_of: Any,
     values_of: Any,
     flights: Flights,
@@ -144,48 +140,47 @@ def march(
 ) -> None:
     """Fill in nodes, status and evaluations of n flights.
 
-    `code` is the machine code of `source`, `rates_of` what `compiled_rates` returns, `values_of`
-    what `compiled_ends` does. The functions of all events but the first `known` ones are also read
-    within the steps.
+    `code` is the machine code of `source`, `reading` that of `reading_source`, `rates_of` what
+    `compiled_rates` returns, `values_of` what `compiled_ends` does. The functions of all events but
+    the first `known` ones are also read within the steps.
     """
     size = flights.numbers.shape[1] * LANES
-    memory = Lanes._make([
-        np.zeros((STAGES + 1, SIZE)), np.zeros((4, SIZE)), *np.zeros((2, 2, size // NUMBERS)),
-        np.zeros(5 * LANES), np.zeros(size), *np.zeros((4, SIZE)), np.zeros(size // NUMBERS),
-        np.zeros((PARTS + 1, size // NUMBERS)), *np.zeros((2, size // NUMBERS)), np.zeros(size),
-        *np.zeros((7, LANES)), np.full(LANES, -1), np.zeros(LANES, np.int64),
-    ])  # fmt: skip
-    code(rates_of, values_of, flights, memory, float(rtol), float(time_limit), known)
+    lanes, k = np.zeros(1, LANE), size // NUMBERS
+    lanes["row"], lanes["fallen"], lanes["after"] = -1, _NO_EVENT, -1.0
+    shapes = (2, k), (2, k), (size,), (size,), (k,), (PARTS + 1, k), (k,), (k,)
+    measured = Measured._make(map(np.zeros, shapes))
+    limits = float(rtol), float(time_limit), known
+    code(reading, rates_of, values_of, flights, lanes, measured, *limits)
 
 
-def _march(rates_of, values_of, flights, lane, rtol, time_limit, known):
+def _march(reading, rates_of, values_of, flights, lanes, measured, rtol, time_limit, known):
     """Fill in what `march` does: load flights into lanes, step all at once, see where each is."""
-    _start(rates_of, values_of, flights, lane, rtol, time_limit)
+    lane = lanes[0]
+    _start(rates_of, values_of, flights, lane, measured, rtol, time_limit)
     waiting, flying = 0, 0
     while True:
         for i in range(LANES):
             while lane.row[i] < 0 and waiting < len(flights.status):
                 if flights.status[waiting] == _FLYING:
-                    _load(i, waiting, flights, lane, time_limit)
+                    _load(i, waiting, flights, lane, measured, time_limit)
                     flying += 1
                 waiting += 1
         if flying == 0:
             break
         _step(rates_of, lane)
         _estimate_error(lane, rtol)
-        _measure(values_of, lane, lane.new, lane.rates[STAGES], lane.end)
-        _take_plain_steps(lane, time_limit)
-        if known * LANES < lane.end.shape[1]:
-            _read_parts(values_of, lane, known)
+        _measure(values_of, lane, measured, lane.new[:], lane.rates[STAGES], measured.end)
+        _take_plain_steps(lane, measured, time_limit)
+        reading(values_of, lanes, measured, known)
         for i in range(LANES):
             row = lane.row[i]
             if row >= 0 and lane.taken[i] == 0.0:
-                status = _end_step(values_of, i, flights, lane, time_limit, known)
+                status = _end_step(values_of, i, flights, lane, measured, time_limit, known)
                 if status != _FLYING:
                     flights.status[row], flights.evaluations[row] = status, lane.calls[i]
                     lane.row[i], lane.step[i] = -1, 0.0
                     flying -= 1
-        _advance(lane, time_limit)
+        _advance(lane, measured, time_limit)
     for row in range(len(flights.status)):
         if flights.status[row] == FAILED:
             for c in range(16):
@@ -193,11 +188,11 @@ def _march(rates_of, values_of, flights, lane, rtol, time_limit, known):
 
 
 @njit
-def _load_start(i, row, flights, lane):
+def _load_start(i, row, flights, lane, measured):
     for c in range(5):
         lane.scene[c * LANES + i] = flights.scene[row, c]
     for c in range(flights.numbers.shape[1]):
-        lane.numbers[c * LANES + i] = flights.numbers[row, c]
+        measured.numbers[c * LANES + i] = flights.numbers[row, c]
     for c in range(3):
         lane.state[X + c * LANES + i] = 0.0
         lane.state[U + c * LANES + i] = flights.velocity[row, c]
@@ -208,20 +203,20 @@ def _load_start(i, row, flights, lane):
 
 
 @njit
-def _load(i, row, flights, lane, time_limit):
-    _load_start(i, row, flights, lane)
+def _load(i, row, flights, lane, measured, time_limit):
+    _load_start(i, row, flights, lane, measured)
     for c in range(STATES):
         lane.rates[0, c * LANES + i] = flights.begin[row, c]
-    for event in range(lane.begin.shape[1] // LANES):
+    for event in range(measured.begin.shape[1] // LANES):
         for derivative in range(2):
             value = flights.begin[row, 8 + 2 * event + derivative]
-            lane.begin[derivative, event * LANES + i] = value
+            measured.begin[derivative, event * LANES + i] = value
     lane.time[i], lane.rejected[i], lane.row[i], lane.calls[i] = 0.0, 0.0, row, 1
     lane.step[i] = _allowed(i, flights.begin[row, 7], lane, time_limit)
 
 
 @inlined
-def _start(rates_of, values_of, flights, lane, rtol, time_limit):
+def _start(rates_of, values_of, flights, lane, measured, rtol, time_limit):
     """Find the first rates of every flight and its first step, as Hairer, Norsett & Wanner do.
 
     The steps are relative to the flight's own times, as in `integrate`. A flight that cannot begin,
@@ -230,28 +225,28 @@ def _start(rates_of, values_of, flights, lane, rtol, time_limit):
     n = len(flights.status)
     for first in range(0, n, LANES):
         for i in range(LANES):
-            _load_start(i, min(first + i, n - 1), flights, lane)
-        rates_of(lane.scene, lane.state, lane.rates[0])
+            _load_start(i, min(first + i, n - 1), flights, lane, measured)
+        rates_of(lane.scene[:], lane.state[:], lane.rates[0])
         for i in range(LANES):
             lane.step[i] = _first_step(i, lane, rtol, time_limit)
-        _measure(values_of, lane, lane.state, lane.rates[0], lane.begin)
+        _measure(values_of, lane, measured, lane.state[:], lane.rates[0], measured.begin)
         _move_shortly(lane)
-        values_of(lane.numbers, lane.point, lane.value)
+        values_of(measured.numbers, lane.point[:], measured.value)
         for i in range(min(LANES, n - first)):
             row = first + i
             flights.evaluations[row], flights.status[row] = 1, _FLYING
             for k in range(0, 16, 8):
-                _write_node(i, 0.0, lane.state, flights.nodes, row, k)
-            for k in range(lane.begin.shape[1] - LANES + i, -1, -LANES):  # the first one counts
+                _write_node(i, 0.0, lane.state[:], flights.nodes, row, k)
+            for k in range(measured.begin.shape[1] - LANES + i, -1, -LANES):  # the first one counts
                 for derivative in range(2):
                     column = 8 + 2 * (k // LANES) + derivative
-                    flights.begin[row, column] = lane.begin[derivative, k]
-                if math.isnan(lane.begin[VALUE, k]):
+                    flights.begin[row, column] = measured.begin[derivative, k]
+                if math.isnan(measured.begin[VALUE, k]):
                     flights.status[row] = FAILED
-                value = lane.value[k]
+                value = measured.value[k]
                 rests = value == 0.0 and abs(lane.state[U + i]) < AT_REST
                 rests = rests and abs(lane.state[V + i]) < AT_REST > abs(lane.state[W + i])
-                if lane.begin[VALUE, k] == 0.0 and (value < 0.0 or rests):
+                if measured.begin[VALUE, k] == 0.0 and (value < 0.0 or rests):
                     flights.status[row] = _status_of(k // LANES)
             for c in range(STATES):
                 flights.begin[row, c] = lane.rates[0, c * LANES + i]
@@ -322,7 +317,7 @@ def _step(rates_of, lane):
         if k <= STAGES:
             for m in range(SIZE):
                 lane.new[m] = lane.state[m] + h[m] * total[m]
-            rates_of(lane.scene, lane.new, rates[k])
+            rates_of(lane.scene[:], lane.new[:], rates[k])
 
 
 @inlined
@@ -345,14 +340,14 @@ def _estimate_error(lane, rtol):
 
 
 @inlined
-def _measure(values_of, lane, state, rate, result):
+def _measure(values_of, lane, measured, state, rate, result):
     """Put value and slope of the events' functions at some states into `result`."""
     moved = lane.sums[0]
     for c in range(0, SIZE, LANES):
         for i in range(LANES):
             moved[c + i] = state[c + i] + DIFFERENCE * lane.step[i] * rate[c + i]
-    values_of(lane.numbers, state, result[VALUE])
-    values_of(lane.numbers, moved, result[SLOPE])
+    values_of(measured.numbers, state, result[VALUE])
+    values_of(measured.numbers, moved, result[SLOPE])
     for c in range(0, result.shape[1], LANES):
         for i in range(LANES):
             change = result[SLOPE, c + i] - result[VALUE, c + i]
@@ -368,7 +363,7 @@ def _is_plain(start, slope, end, last_slope):
 
 
 @inlined
-def _take_plain_steps(lane, time_limit):
+def _take_plain_steps(lane, measured, time_limit):
     """Take the steps that are exact enough, and in which no event can be."""
     last = lane.rates[STAGES]
     for i in range(LANES):
@@ -377,88 +372,16 @@ def _take_plain_steps(lane, time_limit):
         plain &= lane.step[i] < time_limit - lane.time[i]
         plain &= _is_plain(lane.state[W + i], lane.rates[0, W + i], lane.new[W + i], last[W + i])
         lane.taken[i] = 1.0 if plain else 0.0
-    for c in range(0, lane.end.shape[1], LANES):
+    begin, end = measured.begin, measured.end
+    for c in range(0, end.shape[1], LANES):
         for i in range(LANES):
             k = c + i
-            plain = _is_plain(
-                lane.begin[VALUE, k], lane.begin[SLOPE, k], lane.end[VALUE, k], lane.end[SLOPE, k]
-            )
+            plain = _is_plain(begin[VALUE, k], begin[SLOPE, k], end[VALUE, k], end[SLOPE, k])
             lane.taken[i] = lane.taken[i] if plain else 0.0
 
 
 @inlined
-def _read_parts(values_of, lane, known):
-    """Read the functions of events between the parts of the step; not all steps are then plain."""
-    state, new, h, point = lane.state, lane.new, lane.sums[3], lane.point
-    rate, last, most, least = lane.rates[0], lane.rates[STAGES], lane.most, lane.least
-    for part in range(1, PARTS):
-        a, b, c, d = PART_WEIGHTS[part - 1]
-        for m in range(SIZE):
-            point[m] = a * state[m] + c * new[m] + h[m] * (b * rate[m] + d * last[m])
-        values_of(lane.numbers, point, lane.parts[part])
-    for k in range(len(most)):
-        lane.parts[0, k], lane.parts[PARTS, k] = lane.begin[VALUE, k], lane.end[VALUE, k]
-    for part in range(PARTS):
-        above, below = lane.parts[part], lane.parts[part + 1]
-        for k in range(len(most)):
-            change, total = abs(above[k] - below[k]), above[k] + below[k]
-            total = total if (above[k] > 0.0) | (below[k] > 0.0) else math.inf
-            most[k] = change if (part == 0) | (change > most[k]) else most[k]
-            least[k] = total if (part == 0) | (total < least[k]) else least[k]
-    for c in range(known * LANES, len(most), LANES):
-        for i in range(LANES):
-            possible = least[c + i] <= MOST_CHANGE * most[c + i]
-            lane.taken[i] = 0.0 if possible else lane.taken[i]
-
-
-@njit
-def _read_fall(values_of, i, h, lane, known):
-    """Return which event falls first within a lane's step, by reading, and about where.
-
-    Every lane of `point` has another state of the flight. A row of `sums` has the last values.
-
-    Returns:
-        The number of the event, or `_NO_EVENT`, and the fraction of the step after it.
-    """
-    speed, late_speed, last, events = 0.0, 0.0, lane.sums[0], lane.end.shape[1] // LANES
-    for c in range(U + i, LEFT, LANES):
-        speed += lane.state[c] ** 2
-        late_speed += lane.new[c] ** 2
-    count = _count_readings(h / PARTS, math.sqrt(max(speed, late_speed)))
-    for c in range(0, len(lane.numbers), LANES):
-        for j in range(LANES):
-            lane.copies[c + j] = lane.numbers[c + i]
-    for part in range(PARTS):
-        possible = False
-        for event in range(known, events):
-            k = event * LANES + i
-            last[event], above, below = 0.0, lane.parts[part, k], lane.parts[part + 1, k]
-            positive = (above > 0.0) | (below > 0.0)
-            possible |= positive & (above + below <= MOST_CHANGE * lane.most[k])
-        which, low, per = _NO_EVENT, part / PARTS, 1.0 / (count * PARTS)
-        number = count + 1 if possible else 0
-        while number > 0:
-            _interpolate(i, 1.0 - low, per, h, lane)
-            values_of(lane.copies, lane.point, lane.value)
-            fallen, j, most = _NO_EVENT, 0, min(number, LANES)
-            while j < most and fallen == _NO_EVENT:
-                for event in range(known, events):
-                    if last[event] > 0.0 >= lane.value[event * LANES + j]:
-                        fallen = event
-                if fallen == _NO_EVENT:
-                    for event in range(known, events):
-                        last[event] = lane.value[event * LANES + j]
-                    j += 1
-            low, number = low + j * per, number - j
-            if fallen != _NO_EVENT:  # it is read again, more closely
-                which, low, per, number = fallen, low - per, per / LANES, LANES + 1
-            if which != _NO_EVENT and (per < 1e-13 or number == 0):  # or rounding
-                return which, 1.0 - low
-    return _NO_EVENT, -1.0
-
-
-@inlined
-def _advance(lane, time_limit):
+def _advance(lane, measured, time_limit):
     """Go to the end of the step in the lanes where it is taken, and choose the next step there."""
     for i in range(LANES):
         taken, h, growth = lane.taken[i] != 0.0, lane.step[i], lane.growth[i]
@@ -473,22 +396,22 @@ def _advance(lane, time_limit):
             state, new = lane.state[m], lane.new[m]
             rate, last = lane.rates[0, m], lane.rates[STAGES, m]
             lane.state[m], lane.rates[0, m] = new if taken else state, last if taken else rate
-    for c in range(0, lane.end.shape[1], LANES):
+    for c in range(0, measured.end.shape[1], LANES):
         for i in range(LANES):
             k, taken = c + i, lane.taken[i] != 0.0
             for row in range(2):
-                lane.begin[row, k] = lane.end[row, k] if taken else lane.begin[row, k]
+                measured.begin[row, k] = measured.end[row, k] if taken else measured.begin[row, k]
 
 
 @inlined
-def _ends(i, event, h, lane):
+def _ends(i, event, h, lane, measured):
     """Return the value of an event's function and its slope times h at both ends of a step."""
     if event == _CREST:  # the upward speed
         start, slope = lane.state[W + i], lane.rates[0, W + i]
         return start, h * slope, lane.new[W + i], h * lane.rates[STAGES, W + i]
     k = event * LANES + i
-    start, slope = lane.begin[VALUE, k], lane.begin[SLOPE, k]
-    return start, h * slope, lane.end[VALUE, k], h * lane.end[SLOPE, k]
+    start, slope = measured.begin[VALUE, k], measured.begin[SLOPE, k]
+    return start, h * slope, measured.end[VALUE, k], h * measured.end[SLOPE, k]
 
 
 @inlined
@@ -533,14 +456,14 @@ def _find_fall(ends):
 
 
 @inlined
-def _correct_fall(values_of, i, event, s, h, lane):
+def _correct_fall(values_of, i, event, s, h, lane, measured):
     """Return the fraction of `_find_fall`, corrected by the function's value there."""
     _interpolate(i, s, 0.0, h, lane)
     value = lane.point[W + i]
     if event != _CREST:
-        values_of(lane.numbers, lane.point, lane.value)
-        value = lane.value[event * LANES + i]
-    _, p1, p2, p3 = _backward_cubic(_ends(i, event, h, lane))
+        values_of(measured.numbers, lane.point[:], measured.value)
+        value = measured.value[event * LANES + i]
+    _, p1, p2, p3 = _backward_cubic(_ends(i, event, h, lane, measured))
     corrected = s - value / (p1 + s * (2.0 * p2 + s * 3.0 * p3))
     return corrected if 0.0 < corrected < 1.0 else s
 
@@ -609,7 +532,7 @@ def _allowed(i, h, lane, time_limit):
 
 
 @inlined
-def _first_event(i, h, lane, known):
+def _first_event(i, h, lane, measured, known):
     """Return the first event in a step of a lane, and the doubts about events in it.
 
     All but the first `known` ones have been read within the step: only the doubts are of them.
@@ -620,8 +543,8 @@ def _first_event(i, h, lane, known):
         it, else 1; whether the function of an event is not a number at the end.
     """
     first, before_end, again, unknown = _NO_EVENT, -1.0, 1.0, False
-    for event in range(_CREST, lane.begin.shape[1] // LANES):
-        ends = _ends(i, event, h, lane)
+    for event in range(_CREST, measured.begin.shape[1] // LANES):
+        ends = _ends(i, event, h, lane, measured)
         start, rise, end, last_rise = ends
         unknown |= end != end
         if start > 0.0 >= end:
@@ -645,7 +568,7 @@ def _first_event(i, h, lane, known):
 
 
 @inlined
-def _end_step(values_of, i, flights, lane, time_limit, known):
+def _end_step(values_of, i, flights, lane, measured, time_limit, known):
     """Reject a step, take it anew with another length, or take it; return the flight's status."""
     t, h, error, row = lane.time[i], lane.step[i], lane.error[i], lane.row[i]
     if lane.calls[i] > MAX_EVALUATIONS:
@@ -654,19 +577,16 @@ def _end_step(values_of, i, flights, lane, time_limit, known):
         shorter = h * max(0.2, lane.growth[i]) if error < math.inf else 0.2 * h
         lane.step[i], lane.rejected[i] = _allowed(i, shorter, lane, time_limit), 1.0
         return FAILED if shorter < lane.step[i] else _FLYING
-    events = lane.end.shape[1] // LANES
-    fallen, after = _NO_EVENT, -1.0
-    if known < events:
-        fallen, after = _read_fall(values_of, i, h, lane, known)
+    events, fallen, after = measured.end.shape[1] // LANES, lane.fallen[i], lane.after[i]
     first, before_end, again, unknown = _first_event(
-        i, h, lane, events if fallen == _NO_EVENT else known
+        i, h, lane, measured, events if fallen == _NO_EVENT else known
     )
     if after > before_end:
         first, before_end = fallen, after
     margin, resolvable = flights.tolerance[row, 4], h > max(100.0 * _EPS * t, 1e-300)
     if again == 1.0 and before_end > margin and resolvable:
         if first != fallen:
-            before_end = _correct_fall(values_of, i, first, before_end, h, lane)
+            before_end = _correct_fall(values_of, i, first, before_end, h, lane, measured)
         again = (1.0 - before_end) * (1.0 + 0.5 * margin)
     if again < 1.0 and resolvable:
         lane.step[i] = _allowed(i, again * h, lane, time_limit)
@@ -677,28 +597,124 @@ def _end_step(values_of, i, flights, lane, time_limit, known):
         _interpolate(i, before_end, 0.0, h, lane)
         event_time = t + (1.0 - before_end) * h
         if lane.point[Z + i] > flights.nodes[row, 11]:
-            _write_node(i, event_time, lane.point, flights.nodes, row, 8)
+            _write_node(i, event_time, lane.point[:], flights.nodes, row, 8)
         if first != _CREST:
-            _write_node(i, event_time, lane.point, flights.nodes, row, 0)
+            _write_node(i, event_time, lane.point[:], flights.nodes, row, 0)
             return _status_of(first)
     if h < time_limit - t:
         lane.taken[i] = 1.0
         return _FLYING
     if lane.new[Z + i] > flights.nodes[row, 11]:
-        _write_node(i, time_limit, lane.new, flights.nodes, row, 8)
-    _write_node(i, time_limit, lane.new, flights.nodes, row, 0)
+        _write_node(i, time_limit, lane.new[:], flights.nodes, row, 8)
+    _write_node(i, time_limit, lane.new[:], flights.nodes, row, 0)
     return ALOFT
 
 
-named(_march, f"march_{MAX_EVALUATIONS}", compiling, events, dop853)
+def _read_within(values_of, lanes, measured, known):
+    """Read the functions of all events but the first `known` ones within the steps.
+
+    They are read between the parts of each step, and more closely if an event is possible.
+    """
+    lane = lanes[0]
+    state, new, h, point = lane.state[:], lane.new[:], lane.sums[3], lane.point[:]
+    rate, last, most, least = lane.rates[0], lane.rates[STAGES], measured.most, measured.least
+    for part in range(1, PARTS):
+        a, b, c, d = PART_WEIGHTS[part - 1]
+        for m in range(SIZE):
+            point[m] = a * state[m] + c * new[m] + h[m] * (b * rate[m] + d * last[m])
+        values_of(measured.numbers, point, measured.parts[part])
+    for k in range(len(most)):
+        measured.parts[0, k], measured.parts[PARTS, k] = (
+            measured.begin[VALUE, k],
+            measured.end[VALUE, k],
+        )
+    for part in range(PARTS):
+        above, below = measured.parts[part], measured.parts[part + 1]
+        for k in range(len(most)):
+            change, total = abs(above[k] - below[k]), above[k] + below[k]
+            total = total if (above[k] > 0.0) | (below[k] > 0.0) else math.inf
+            most[k] = change if (part == 0) | (change > most[k]) else most[k]
+            least[k] = total if (part == 0) | (total < least[k]) else least[k]
+    for i in range(LANES):
+        lane.fallen[i], lane.after[i], possible = _NO_EVENT, -1.0, False
+        for k in range(known * LANES + i, len(most), LANES):
+            possible |= least[k] <= MOST_CHANGE * most[k]
+        if possible and lane.row[i] >= 0 and lane.error[i] < 1.0:
+            lane.taken[i] = 0.0
+            lane.fallen[i], lane.after[i] = _read_fall(values_of, i, lane, measured, known)
+
+
+@njit
+def _read_fall(values_of, i, lane, measured, known):
+    """Return which event falls first within a lane's step, by reading, and about where.
+
+    Every lane of `point` has another state of the flight. A row of `sums` has the last values.
+
+    Returns:
+        The number of the event, or `_NO_EVENT`, and the fraction of the step after it.
+    """
+    h, last, events = lane.step[i], lane.sums[0], measured.end.shape[1] // LANES
+    speed, late_speed = 0.0, 0.0
+    for c in range(U + i, LEFT, LANES):
+        speed += lane.state[c] ** 2
+        late_speed += lane.new[c] ** 2
+    count = _count_readings(h / PARTS, math.sqrt(max(speed, late_speed)))
+    for c in range(0, len(measured.numbers), LANES):
+        for j in range(LANES):
+            measured.copies[c + j] = measured.numbers[c + i]
+    for part in range(PARTS):
+        possible = False
+        for event in range(known, events):
+            k = event * LANES + i
+            last[event], above, below = 0.0, measured.parts[part, k], measured.parts[part + 1, k]
+            positive = (above > 0.0) | (below > 0.0)
+            possible |= positive & (above + below <= MOST_CHANGE * measured.most[k])
+        which, low, per = _NO_EVENT, part / PARTS, 1.0 / (count * PARTS)
+        number = count + 1 if possible else 0
+        while number > 0:
+            _interpolate(i, 1.0 - low, per, h, lane)
+            values_of(measured.copies, lane.point[:], measured.value)
+            fallen, j, most = _NO_EVENT, 0, min(number, LANES)
+            while j < most and fallen == _NO_EVENT:
+                for event in range(known, events):
+                    if last[event] > 0.0 >= measured.value[event * LANES + j]:
+                        fallen = event
+                if fallen == _NO_EVENT:
+                    for event in range(known, events):
+                        last[event] = measured.value[event * LANES + j]
+                    j += 1
+            low, number = low + j * per, number - j
+            if fallen != _NO_EVENT:  # it is read again, more closely
+                which, low, per, number = fallen, low - per, per / LANES, LANES + 1
+            if which != _NO_EVENT and (per < 1e-13 or number == 0):  # or rounding
+                return which, 1.0 - low
+    return _NO_EVENT, -1.0
+
+
+def _read_nothing(values_of, lanes, measured, known):
+    """Read no events within the steps, if there is none but the first `known` ones."""
+
+
+for _function in (_march, _read_within, _read_nothing):
+    named(_function, f"{_function.__name__}_{MAX_EVALUATIONS}", compiling, events, dop853)
+
+_equations: Any = numba.types.FunctionType(SIGNATURE)
+_lanes: Any = _typeof(np.zeros(1, LANE))
+_vector, _matrix = numba.float64[::1], numba.float64[:, ::1]
+_measured = _named_tuple([_matrix, _matrix, *(_vector,) * 3, _matrix, _vector, _vector], Measured)
+_reading = numba.void(_equations, _lanes, _measured, numba.int64)
 
 
 def source() -> Source:
     """Return the source of the machine code of `_march`."""
-    vector, matrix, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
-    flights = _named_tuple([*(matrix,) * 6, numba.int8[::1], integers], Flights)
-    kinds = *(matrix,) * 4, *(vector,) * 7, matrix, *(vector,) * 10, integers, integers
-    lanes = _named_tuple(kinds, Lanes)
-    equations, number = numba.types.FunctionType(SIGNATURE), numba.float64
-    signature = numba.void(equations, equations, flights, lanes, number, number, numba.int64)
+    flights = _named_tuple([*(_matrix,) * 6, numba.int8[::1], numba.int64[::1]], Flights)
+    number, reading = numba.float64, numba.types.FunctionType(_reading)
+    signature = numba.void(
+        reading, _equations, _equations, flights, _lanes, _measured, number, number, numba.int64
+    )
     return Source(_march, signature, _OPTIONS)
+
+
+def reading_source(within: bool) -> Source:
+    """Return the source of machine code that reads events within the steps, or reads none."""
+    return Source(_read_within if within else _read_nothing, _reading, _OPTIONS)

@@ -59,9 +59,6 @@ def inflated(ball: Ball) -> Table:
     ball.check_movable("the restitution 'inflated'")
     speed = ball.radius * math.sqrt(ball.stiffness) / math.sqrt(ball.mass)
     deflection = np.linspace(0.0, LARGEST_DEFLECTION, 31)
-    if ball.shell_share == 1.0:
-        e = SHELL_RESTITUTION * np.sqrt(1.0 - deflection * (2.0 / 3.0 - deflection / 8.0))
-        return tuple(zip((speed * deflection).tolist(), e.tolist(), strict=True))
     nodes, weights = np.polynomial.legendre.leggauss(12)  # exact to rounding
     x = 0.5 * deflection[1:, None] * (1.0 + nodes)
     moving = 1.0 - 0.5 * ball.shell_share * x

@@ -25,13 +25,11 @@ import numpy as np
 
 import kickdyn as kd
 from kickdyn.impact.strike_many import Impacts
-from kickdyn.planning.intercepting_kick import Interception, KickSettings
 from kickdyn.planning.interception import Reach, reach_of, waits_in_plane
 from kickdyn.planning.kick_problem import KickProblem
-from kickdyn.planning.kick_steps import checked_contact
+from kickdyn.planning.kick_steps import ImpactTask, KickSettings, checked_contact
 from kickdyn.planning.kick_terms import Facing, KickPoint
 from kickdyn.planning.moving_kick import Interceptor
-from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.problem import Bounds, Function, Kind
 from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions
 from kickdyn.robot.ground_clearance import find_depths
@@ -126,10 +124,8 @@ def landing_error(case: Case, plan: kd.KickPlan) -> float:
 
 def finds_kick(case: Case, draw: np.random.Generator) -> bool:
     """Return whether random times and postures give a kick that keeps the plan's conditions."""
-    settings = KickSettings(
-        case.goal, BALL, AIR, checked_contact(case.contact), KickObjective.JOINT_SPEED, True, None
-    )
-    balls, reach = Interceptor(case.leg, settings, case.incoming), reach_of(case.leg, BALL)
+    settings = KickSettings(case.leg, case.goal, BALL, AIR, checked_contact(case.contact))
+    balls, reach = Interceptor(settings, case.incoming), reach_of(case.leg, BALL)
     problem: KickProblem | None = None
     for wait in _random_waits(balls, reach, draw):
         try:
@@ -140,6 +136,7 @@ def finds_kick(case: Case, draw: np.random.Generator) -> bool:
             problem = task.problem(problem)
         except kd.InvalidInput:
             continue
+        assert task.incoming is not None
         assert task.incoming.ground is not None
         height = task.incoming.ground.height
         for x in _fast_enough(task, problem, draw):
@@ -165,7 +162,7 @@ def _random_waits(balls: Interceptor, reach: Reach, draw: np.random.Generator) -
         return []
 
 
-def _fast_enough(task: Interception, problem: KickProblem, draw: np.random.Generator) -> np.ndarray:
+def _fast_enough(task: ImpactTask, problem: KickProblem, draw: np.random.Generator) -> np.ndarray:
     """Return unknowns of random postures at the ball, whose joints are fast enough for the launch.
 
     Postures and impacts are of `strike_many`. While the contact sticks, the impulse is a + B v.

@@ -28,9 +28,9 @@ from kickdyn.planning.goal import FARTHEST, Goal
 from kickdyn.planning.interception import IncomingBall
 from kickdyn.planning.kick import BOTH_FEET, plan_kick
 from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.kick_terms import KickObjective
 from kickdyn.planning.launch import SPEED_LIMIT, OutOfReach
 from kickdyn.planning.moving_kick import plan_trap
-from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.plan_report import (
     WALL_CLEARANCE,
     PlanReport,

@@ -22,28 +22,23 @@ from kickdyn.impact.strike import strike
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.intercepting_kick import KickSettings
 from kickdyn.planning.interception import IncomingBall
+from kickdyn.planning.kick_limits import Balance, MuscleTorqueLimit
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_problem import MUSCLES, KickProblem, kick_problem, solve_kick
 from kickdyn.planning.kick_steps import (
     Chosen,
+    ImpactTask,
+    KickSettings,
     check_has_drives,
     checked_contact,
     checked_leg,
     checked_objective,
     one_thread,
-    outcome_of,
     path_to_target,
-    plan_flight_launch,
-    plan_pass_launch,
 )
-from kickdyn.planning.kick_terms import BallPosition, Facing, MuscleTorqueLimit, Objective
-from kickdyn.planning.launch import Launch
+from kickdyn.planning.kick_terms import OBJECTIVES, BallPosition, Facing
 from kickdyn.planning.moving_kick import plan_interception
-from kickdyn.planning.objectives import OBJECTIVES
-from kickdyn.planning.passes import Pass
-from kickdyn.planning.stance import Balance
 from kickdyn.robot.collisions import disabled_pairs
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
@@ -163,8 +158,9 @@ def plan_kick(
         raise InvalidInput(
             f"motion is {validation.brief(motion)}: it must be True, False or {BOTH_FEET!r}"
         )
-    objective = checked_objective(objective, limits=limits, motion=bool(motion))
+    named = checked_objective(objective, limits=limits, motion=bool(motion))
     contact, position = checked_contact(contact), _checked_ball_position(ball_position)
+    settings = KickSettings(leg, goal, ball, air, contact, named, limits, surface)
     if is_floating(leg):
         position = _lying_on_ground(position, ball)
     if motion:
@@ -175,42 +171,15 @@ def plan_kick(
             other = f"motion={motion!r}" if motion else "ball_position"
             raise InvalidInput(f"incoming and {other} exclude each other: give one of them")
         moving_ball = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
-        settings = KickSettings(goal, ball, air, contact, objective, limits, surface)
-        return plan_interception(leg, moving_ball, settings)
+        return plan_interception(moving_ball, settings)
     disabled_pairs(leg)  # a faulty SRDF is refused now, not by the checks of the finished plan
-
     with one_thread():
-        launch: Launch | Pass
-        if surface is None:
-            launch = plan_flight_launch(goal, ball, air, contact)
-        else:
-            launch = plan_pass_launch(goal, ball, air, surface)
-        goal = goal.at(launch.time)
-        target = impact_target_for(launch.velocity, launch.spin, ball, contact)
-        problem = kick_problem(leg, target, position, limits=limits)
-        if motion:
-            posture, v, outcome = _plan_motion(problem, both_feet=motion == BOTH_FEET)
-        else:
-            posture, v, outcome = _plan_posture(problem, OBJECTIVES[objective]())
-        impact = strike(posture, v, ball, target.contact)
-        time = launch.time if outcome["share"] == 1.0 else None
-        path = path_to_target(impact, goal, air, surface, time)
-    return KickPlan(
-        goal=goal,
-        launch=launch,
-        objective=objective,
-        impact_target=target,
-        impact=impact,
-        path=path,
-        ball_is_placed=position is not None,
-        heading=problem.heading,
-        **outcome,
-    )
-
-
-def _plan_posture(problem: KickProblem, objective: Objective) -> Chosen:
-    """Return the state at the impact that is best by an objective."""
-    return outcome_of(*solve_kick(problem, objective), objective)
+        task = ImpactTask.make(settings, goal, BallState(), position)
+        problem = task.problem()
+        if not motion:
+            return task.kick(*solve_kick(problem, OBJECTIVES[named])).plan()
+        chosen = _plan_motion(problem, both_feet=motion == BOTH_FEET)
+        return task.plan(problem.heading, chosen, task.strike(chosen))
 
 
 def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None = None) -> KickPlan:

@@ -34,6 +34,7 @@ from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick import turn_plan
+from kickdyn.planning.kick_limits import Balance
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_reader import AXES, InterpolatedKick, launch_velocity, read_kicks
 from kickdyn.planning.kick_steps import (
@@ -42,9 +43,8 @@ from kickdyn.planning.kick_steps import (
     checked_leg,
     path_to_target,
 )
+from kickdyn.planning.kick_terms import KickObjective
 from kickdyn.planning.launch import Launch, plan_launch
-from kickdyn.planning.objectives import KickObjective
-from kickdyn.planning.stance import Balance
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, is_floating
 

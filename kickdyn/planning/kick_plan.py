@@ -25,9 +25,9 @@ from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.interception import IncomingBall
+from kickdyn.planning.kick_terms import KickObjective
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.meeting import Meeting, meeting_figure
-from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.passes import Pass
 from kickdyn.restitution import range_warnings
 from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions

@@ -18,25 +18,31 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.impact_target import ImpactTarget
-from kickdyn.planning.ball_clearance import BodyClearance, bodies_near_ball
+from kickdyn.planning.kick_limits import (
+    Balance,
+    BodyClearance,
+    Clearance,
+    JointRange,
+    MuscleTorqueLimit,
+    SpeedLimit,
+    SupportImpulse,
+    TorqueLimit,
+    Upright,
+    bodies_near_ball,
+    check_limits,
+)
 from kickdyn.planning.kick_terms import (
     BallPosition,
     Facing,
-    JointRange,
     KickPoint,
     KickVariables,
-    MuscleTorqueLimit,
+    LargestShare,
     Objective,
-    SpeedLimit,
     StrikeVelocity,
-    TorqueLimit,
-    check_limits,
     place_exactly,
     turn_to_ball,
 )
-from kickdyn.planning.objectives import LargestShare
 from kickdyn.planning.problem import TOLERANCE, Function, Problem, Term
-from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
 from kickdyn.robot.collisions import Body, bodies_at, find_self_collisions
 from kickdyn.robot.ground_clearance import TOLERANCE as ON_GROUND
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
@@ -335,7 +341,7 @@ def _solve(problem: KickProblem, objective: Objective) -> tuple[KickProblem, Kic
 
 
 def best_from(
-    problem: KickProblem, objective: Objective | LargestShare, starts: Sequence[Array]
+    problem: KickProblem, objective: Objective, starts: Sequence[Array]
 ) -> KickPoint | None:
     """Return the best of the solutions from some starts; None if none meets the goal."""
     points = problem.solve(objective, starts)

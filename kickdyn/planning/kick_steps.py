@@ -1,8 +1,8 @@
-"""Steps of planning a kick: the launch that meets a goal, the outcome of a solution, the path."""
+"""Steps of planning a kick: its settings, the launch, the task of the foot, the plan of a state."""
 
 import math
 from contextlib import AbstractContextManager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -19,26 +19,36 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
 from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.strike import strike
+from kickdyn.motion.impact_target import ImpactTarget, impact_target_for, trapped_ball
 from kickdyn.plane import Plane
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.kick_problem import MUSCLES, KickProblem
+from kickdyn.planning.interception import IncomingBall
+from kickdyn.planning.kick_limits import Balance, MuscleTorqueLimit, SpeedLimit, TorqueLimit
+from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.kick_problem import MUSCLES, KickProblem, kick_problem
 from kickdyn.planning.kick_terms import (
+    OBJECTIVES,
+    BallPosition,
+    KickObjective,
     KickPoint,
-    MuscleTorqueLimit,
+    LargestShare,
     Objective,
-    SpeedLimit,
-    TorqueLimit,
+    StrikeVelocity,
+    place_exactly,
 )
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
-from kickdyn.planning.objectives import KickObjective
+from kickdyn.planning.meeting import Meeting
 from kickdyn.planning.passes import Pass, plan_pass
-from kickdyn.planning.stance import Balance
 from kickdyn.robot.kicking_chain import with_angles
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.names import MAX_FAULTY, listed
 
 LONGEST_COURSE = 10.0
 """Time for which each flight, and rolling, of a trapped ball is followed at most [s]."""
+
+STRONGEST = LargestShare()
+"""The objective of kicks that cannot give the whole change of velocity."""
 
 Chosen = tuple[Posture, Array, dict[str, Any]]
 """The robot's posture and joint velocity at the impact, and further attributes of `KickPlan`."""
@@ -115,36 +125,190 @@ def checked_contact(contact: Contact | None) -> Contact:
     return contact
 
 
-def plan_flight_launch(
-    goal: Goal,
-    ball: Ball,
-    air: Air | None,
-    contact: Contact,
-    before: BallState | None = None,
-    near: Launch | None = None,
-) -> Launch:
-    """Return the launch into the air, with the spin along the impulse that the ball has before."""
-    before = BallState() if before is None else before
-    if contact.friction == 0.0 and before.spin.any():
+@dataclass(frozen=True)
+class KickSettings:
+    """The arguments of `plan_kick` or `plan_trap` but for the place and motion of the ball."""
+
+    leg: Leg
+    goal: Goal | BallState
+    ball: Ball
+    air: Air | None
+    contact: Contact
+    objective: KickObjective = KickObjective.JOINT_SPEED
+    limits: bool | str = True
+    surface: str | Surface | None = None
+
+
+def launch_for(
+    settings: KickSettings, goal: Goal, before: BallState, near: Launch | None = None
+) -> Launch | Pass:
+    """Return the launch that meets a goal, of a ball that moves as `before`.
+
+    In the air, it keeps the spin along the impulse.
+    """
+    s = settings
+    if s.surface is not None:
+        launch = plan_pass(goal, s.ball, s.air, surface=s.surface)
+        if launch.limit is not None:
+            raise OutOfReach(f"the pass is out of reach: {launch.summary}", launch.limit, launch)
+        along = abs(float(goal.spin @ launch.velocity)) / launch.speed
+        if along > 1e-9 * math.hypot(*goal.spin):
+            raise InvalidInput(
+                f"spin has {along:g} rad/s along the pass: a ball at rest takes spin across its "
+                "launch only"
+            )
+        return launch
+    if s.contact.friction == 0.0 and before.spin.any():
         goal = replace(goal, spin=before.spin)
-    launch = plan_launch(goal, ball, air, struck=before, near=near)
-    if launch.limit is not None:
-        raise OutOfReach(f"the goal is {launch.summary}", launch.limit, launch)
-    return launch
+    flight = plan_launch(goal, s.ball, s.air, struck=before, near=near)
+    if flight.limit is not None:
+        raise OutOfReach(f"the goal is {flight.summary}", flight.limit, flight)
+    return flight
 
 
-def plan_pass_launch(goal: Goal, ball: Ball, air: Air | None, surface: str | Surface) -> Pass:
-    """Return the launch along the ground."""
-    launch = plan_pass(goal, ball, air, surface=surface)
-    if launch.limit is not None:
-        raise OutOfReach(f"the pass is out of reach: {launch.summary}", launch.limit, launch)
-    along = abs(float(goal.spin @ launch.velocity)) / launch.speed
-    if along > 1e-9 * math.hypot(*goal.spin):
-        raise InvalidInput(
-            f"spin has {along:g} rad/s along the pass: a ball at rest takes spin across its launch "
-            "only"
+@dataclass(frozen=True, eq=False)
+class ImpactTask:
+    """What the foot must do to a ball at rest, or to one that is met at a time.
+
+    Attributes:
+        settings: of the kick.
+        goal: seen from where the ball is struck; of a trap, the motion that is wished.
+        launch: that meets the goal; of a trap, the motion that the ball can get.
+        target: impulse and contact, with the ball just before.
+        place: position or height of the ball's centre [m, world frame]; None is free.
+        incoming: the ball as it was seen; None of a ball at rest.
+    """
+
+    settings: KickSettings
+    goal: Goal | BallState
+    launch: Launch | Pass | BallState
+    target: ImpactTarget
+    place: float | Array | None
+    incoming: IncomingBall | None = None
+
+    @classmethod
+    def make(
+        cls,
+        settings: KickSettings,
+        goal: Goal | BallState,
+        before: BallState,
+        place: float | Array | None,
+        incoming: IncomingBall | None = None,
+        near: Launch | None = None,
+    ) -> "ImpactTask":
+        """Return the task of a kick; `near` is a launch near the one that meets the goal."""
+        s = settings
+        launch: Launch | Pass | BallState
+        if isinstance(goal, BallState):
+            launch = trapped_ball(goal, before, s.ball, s.contact)
+        else:
+            launch = launch_for(s, goal, before, near)
+            goal = goal.at(launch.time)
+        target = impact_target_for(launch.velocity, launch.spin, s.ball, s.contact, before)
+        return cls(s, goal, launch, target, place, incoming)
+
+    @property
+    def before(self) -> BallState:
+        """The ball just before the contact, by the clock of `incoming`."""
+        return self.target.before
+
+    @property
+    def ahead(self) -> Array:
+        """Horizontal unit vector along the impulse, shape `(3,)`."""
+        x, y, _ = self.target.impulse.tolist()
+        return np.array([x, y, 0.0]) / (math.hypot(x, y) or 1.0)
+
+    def problem(self, like: KickProblem | None = None) -> KickProblem:
+        """Return the problem of the kick, made from one of the same leg."""
+        s = self.settings
+        return kick_problem(s.leg, self.target, self.place, limits=s.limits, like=like)
+
+    def exactly(self, problem: KickProblem, point: KickPoint) -> KickPoint:
+        """Return a point near one, with the position and velocity of the foot exact."""
+        position, velocity = problem.find(BallPosition), problem.find(StrikeVelocity)
+        assert velocity is not None
+        if position is not None:
+            point = place_exactly(position, point)
+        return velocity.make_exact(point)
+
+    def kick(self, problem: KickProblem, point: KickPoint) -> "SolvedKick":
+        """Return the kick of a solution of the problem."""
+        point = self.exactly(problem, point)
+        chosen = outcome_of(problem, point, OBJECTIVES[self.settings.objective])
+        impact, meeting = self.strike(chosen), None
+        if self.incoming is not None:
+            meeting = Meeting(
+                self.before, self.incoming, self.goal, self.settings.air, impact, point.share,
+                chosen[2]["speed_use"],
+            )  # fmt: skip
+        return SolvedKick(self, problem, point, chosen, impact, meeting)
+
+    def strike(self, chosen: Chosen) -> Impact:
+        """Return the impact of a state of the robot."""
+        posture, v, _ = chosen
+        return strike(
+            posture, v, self.target.ball, self.target.contact,
+            ball_velocity=self.before.velocity, ball_spin=self.before.spin,
+        )  # fmt: skip
+
+    def plan(
+        self, heading: float, chosen: Chosen, impact: Impact, meeting: Meeting | None = None
+    ) -> KickPlan:
+        """Return the plan of a state of the robot, with the path of the ball."""
+        s, outcome = self.settings, chosen[2]
+        if isinstance(self.launch, BallState):
+            assert self.incoming is not None
+            path: Flight | Course = follow(
+                impact.ball_after, s.ball, s.air, self.incoming.ground, time_limit=LONGEST_COURSE
+            )
+        else:
+            assert isinstance(self.goal, Goal)
+            time = self.launch.time if outcome["share"] == 1.0 else None
+            level = math.inf if meeting is None else meeting.ground.height
+            path = path_to_target(impact, self.goal, s.air, s.surface, time, level)
+        return KickPlan(
+            goal=self.goal,
+            launch=self.launch,
+            objective=s.objective,
+            impact_target=self.target,
+            impact=impact,
+            path=path,
+            ball_is_placed=self.place is not None,
+            heading=heading,
+            meeting=meeting,
+            meetings=() if meeting is None else (meeting,),
+            **outcome,
         )
-    return launch
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedKick:
+    """A solution of the problem of a kick, before the ball's path is computed."""
+
+    task: ImpactTask
+    problem: KickProblem
+    point: KickPoint
+    chosen: Chosen
+    impact: Impact
+    meeting: Meeting | None
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """Less for a better kick."""
+        return -self.point.share, self.chosen[2]["speed_use"]
+
+    @property
+    def objective(self) -> Objective:
+        """What makes the kick best: the share of the launch, if that is not reached in full."""
+        return STRONGEST if self.point.share < 1.0 else OBJECTIVES[self.task.settings.objective]
+
+    def polished(self) -> "SolvedKick":
+        """Return the kick with its solution refined to rounding."""
+        return self.task.kick(self.problem, self.problem.polish(self.objective, self.point))
+
+    def plan(self) -> KickPlan:
+        """Return the plan, with the path of the ball."""
+        return self.task.plan(self.problem.heading, self.chosen, self.impact, self.meeting)
 
 
 def outcome_of(problem: KickProblem, point: KickPoint, objective: Objective) -> Chosen:

@@ -1,4 +1,4 @@
-r"""The unknowns of a kick, and what the foot and the joints must keep in it, as terms.
+r"""The unknowns of a kick, its objectives, and what the foot must keep in it, as terms.
 
 The unknowns are :math:`q` and :math:`v` of the joints that move the foot, and the share
 :math:`s \le 1` of the foot velocity that is reached. A kick keeps
@@ -13,19 +13,20 @@ normal and :math:`\tau` the torque that keeps the joint velocity, gravity includ
 
 import math
 from abc import abstractmethod
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property
+from typing import Self
 
 import numpy as np
-import pinocchio as pin
 
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
 from kickdyn.impact.leg_derivatives import leg_derivatives
+from kickdyn.impact.leg_response import joint_impulses
 from kickdyn.motion.impact_target import ImpactTarget
-from kickdyn.planning.problem import TOLERANCE, Bounds, Function, Kind
-from kickdyn.robot.human_body import muscle_share, muscle_share_slope
+from kickdyn.planning.problem import Function, Kind
 from kickdyn.robot.kicking_chain import (
     UNLIMITED,
     assumed_speed_limit,
@@ -43,9 +44,6 @@ STAYS_AWAY = 0.9
 
 TURNS, FACES = 8, 0.05
 """Steps by which a foot is turned to a ball, and the cosine that they seek."""
-
-WITHOUT_LIMITS = "it has one without its speed and torque limits"
-"""The explanation of a limit of speed or torque."""
 
 
 class KickVariables:
@@ -172,29 +170,6 @@ class KickTerm(Function[KickPoint]):
         """Return its derivatives by q and v, shape `(k, nv)` each; None if v does not count."""
 
 
-class Objective(Function[KickPoint]):
-    """A quantity that a kick makes least, or most; its derivatives are differences.
-
-    Attributes:
-        maximized: whether the quantity is made most.
-    """
-
-    kind = Kind.OBJECTIVE
-    maximized = False
-
-    @abstractmethod
-    def quantity(self, point: KickPoint) -> float:
-        """Return the quantity."""
-
-    def value(self, point: KickPoint) -> Array:
-        quantity = self.quantity(point)
-        return np.array([-quantity if self.maximized else quantity])
-
-    def slope(self, point: KickPoint) -> Array:
-        count = len(point.x) - 1  # the share does not count
-        return slope_by_differences(self, point, count, DIFFERENCE_STEP)
-
-
 def slope_by_differences(
     function: Function[KickPoint], point: KickPoint, count: int, step: float
 ) -> Array:
@@ -206,6 +181,104 @@ def slope_by_differences(
         x[i] += step
         slope[:, i] = (function.value(point.variables.point(x)) - value) / step
     return slope
+
+
+class Objective(Function[KickPoint]):
+    """A quantity that a kick minimizes; its derivatives are differences.
+
+    Attributes:
+        quantity: function of a point.
+        sign: 1, or -1 of a quantity that is maximized.
+    """
+
+    kind = Kind.OBJECTIVE
+
+    def __init__(self, quantity: Callable[[KickPoint], float], sign: float = 1.0) -> None:
+        self.quantity, self.sign = quantity, sign
+
+    def value(self, point: KickPoint) -> Array:
+        return np.array([self.sign * self.quantity(point)])
+
+    def slope(self, point: KickPoint) -> Array:
+        count = len(point.x) - 1  # the share does not count
+        return slope_by_differences(self, point, count, DIFFERENCE_STEP)
+
+
+class JointSpeed(Objective):
+    """The mean square of the joints' speeds over their limits, with its exact derivatives."""
+
+    def __init__(self) -> None:
+        super().__init__(lambda point: float(np.mean(point.x[point.variables.n : -1] ** 2)))
+
+    def slope(self, point: KickPoint) -> Array:
+        slope, n = np.zeros((1, len(point.x))), point.variables.n
+        slope[0, n:-1] = 2.0 / n * point.x[n:-1]
+        return slope
+
+
+class LargestShare(Objective):
+    """The share of the foot velocity that is reached, which is maximized."""
+
+    def __init__(self) -> None:
+        super().__init__(lambda point: point.share, -1.0)
+
+    def slope(self, point: KickPoint) -> Array:
+        return -np.eye(len(point.x))[-1:]
+
+
+def _kinetic_energy(point: KickPoint) -> float:
+    return 0.5 * float(point.v @ point.posture.inertia @ point.v)
+
+
+def _foot_speed(point: KickPoint) -> float:
+    return math.hypot(*point.posture.point_velocity(point.v))
+
+
+def _joint_impulse(point: KickPoint) -> float:
+    """Return the largest linear impulse that a joint transmits, smoothed [N s]."""
+    posture, impulse = point.posture, point.variables.target.impulse
+    jump, of_constraints = posture.respond(-impulse @ posture.jacobian)
+    transmitted, _ = joint_impulses(posture, jump, -impulse, of_constraints)
+    sizes = np.linalg.norm(transmitted[:, :3], axis=1)
+    largest = float(sizes.max())
+    # the norm of power 12 is the largest within 10 % for six joints
+    return largest * math.pow(float(np.sum((sizes / largest) ** 12)), 1 / 12)
+
+
+class KickObjective(StrEnum):
+    r"""Quantity that a kick minimizes, or maximizes if the name begins with `most`.
+
+    With speed limits :math:`v_{max}`, inertia matrix :math:`M`, foot Jacobian :math:`J` and the
+    linear impulses :math:`p_i` that the joints transmit:
+
+    Attributes:
+        unit: unit of the quantity, or words if it has none.
+        term: its term in a problem; None for an objective of a motion.
+    """
+
+    unit: str
+    term: Objective | None
+
+    def __new__(cls, name: str, unit: str, term: Objective | None) -> Self:
+        objective = str.__new__(cls, name)
+        objective._value_, objective.unit, objective.term = name, unit, term
+        return objective
+
+    JOINT_SPEED = "joint-speed", "(mean square of the joint speeds over their limits)", JointSpeed()
+    r""":math:`\frac1n \sum_i (v_i / v_{max,i})^2`."""
+    JOINT_IMPULSE = "joint-impulse", "N s", Objective(_joint_impulse)
+    r""":math:`\max_i |p_i|` [N s]."""
+    KINETIC_ENERGY = "kinetic-energy", "J", Objective(_kinetic_energy)
+    r""":math:`\frac12 v^T M v` [J], which the swing must build up."""
+    FOOT_SPEED = "foot-speed", "m/s", Objective(_foot_speed)
+    r"""Speed of the foot [m/s]: the posture that makes the most impulse of it."""
+    MOST_JOINT_IMPULSE = "most-joint-impulse", "N s", Objective(_joint_impulse, -1.0)
+    TORQUE_SQUARED = "torque-squared", "s", None
+    r""":math:`\int \frac1n \sum_i (\tau_i / \tau_{max,i})^2 dt` [s], of a motion."""
+
+
+OBJECTIVES = {objective: objective.term for objective in KickObjective if objective.term}
+"""The terms of the objectives of a posture."""
 
 
 class StrikeVelocity(Function[KickPoint]):
@@ -356,139 +429,3 @@ def turn_to_ball(ball: BallPosition, facing: Facing, point: KickPoint) -> KickPo
         )
         point = variables.point(x)
     return place_exactly(ball, point)
-
-
-class TorqueLimit(KickTerm):
-    """The torque that keeps the joints' speed, gravity included, is within its limit."""
-
-    kind, margin, rates_starts = Kind.INEQUALITY, 2 * TOLERANCE, False
-    explanation = WITHOUT_LIMITS
-
-    def __init__(self, variables: KickVariables) -> None:
-        leg = variables.leg
-        self._names, self._vs = variables.names, variables.vs
-        self.limit = _usable(leg.effort_limit[self._vs])
-        self._model, self._data = leg.model, leg.model.createData()
-        self._still = np.zeros(leg.nv)
-
-    def torque(self, posture: Posture, v: Array) -> Array:
-        """Return the torque of the joints that move the foot, shape `(n,)` [N m]."""
-        return np.asarray(pin.rnea(self._model, self._data, posture.q, v, self._still)[self._vs])
-
-    def use(self, point: KickPoint) -> Array:
-        """Return the torques over their limits, shape `(n,)`."""
-        return np.abs(self.torque(point.posture, point.v)) / self.limit
-
-    def residual(self, posture: Posture, v: Array) -> Array:
-        use = self.torque(posture, v) / self.limit
-        return 1.0 - use * use
-
-    def derivatives(self, posture: Posture, v: Array) -> tuple[Array, Array]:
-        gain = -2 * (self.torque(posture, v) / self.limit**2)[:, None]
-        by_q, by_v = self.torque_derivatives(posture, v)
-        return gain * by_q, gain * by_v
-
-    def torque_derivatives(self, posture: Posture, v: Array) -> tuple[Array, Array]:
-        """Return the derivatives of the torque by q and v of the leg, shape `(n, nv)` each."""
-        by_q, by_v, _ = pin.computeRNEADerivatives(
-            self._model, self._data, posture.q, v, self._still
-        )
-        shape = (len(v), len(v))
-        return np.reshape(by_q, shape)[self._vs], np.reshape(by_v, shape)[self._vs]
-
-    def binding(self, point: KickPoint) -> list[str]:
-        return _reached("torque", self._names, self.use(point))
-
-
-class SpeedLimit(Bounds[KickPoint]):
-    """The speed of each joint is within its limit, which is kept by `TOLERANCE`.
-
-    A joint without a limit has that of `assumed_speed_limit`.
-    """
-
-    explanation = WITHOUT_LIMITS
-
-    def __init__(self, variables: KickVariables) -> None:
-        self._names, self._vs = variables.names, variables.vs
-        self.limit = assumed_speed_limit(variables.leg)[self._vs]
-        most = np.where(np.isfinite(self.limit), 1.0 - TOLERANCE, np.inf)
-        self.upper = np.array([*np.full(variables.n, np.inf), *most, np.inf])
-        self.lower = -self.upper
-
-    def use(self, point: KickPoint) -> Array:
-        """Return the speeds over their limits, shape `(n,)`."""
-        return np.abs(point.v[self._vs]) / self.limit
-
-    def binding(self, point: KickPoint) -> list[str]:
-        return _reached("speed", self._names, self.use(point))
-
-
-class JointRange(Bounds[KickPoint]):
-    """The range of each joint, and of the share of the foot velocity from the least one on."""
-
-    def __init__(self, variables: KickVariables, least_share: float = 0.0) -> None:
-        free = np.full(variables.n, np.inf)
-        self.lower = np.array([*variables.lower, *-free, least_share])
-        self.upper = np.array([*variables.upper, *free, 1.0])
-
-
-def check_limits(variables: KickVariables) -> None:
-    """Refuse limits of speed or torque that are 0."""
-    leg, vs = variables.leg, variables.vs
-    for what, limit in (("speed", leg.velocity_limit[vs]), ("torque", leg.effort_limit[vs])):
-        if not (limit > 0.0).all():
-            name = variables.names[int(np.argmin(limit > 0.0))]
-            raise InvalidInput(
-                f"{what} limit of {name} is {limit.min():g}: it must be above 0 (Leg.with_drives, "
-                "--drives FILE), or, without a motion, all limits lifted (limits=False, "
-                "--no-limits)"
-            )
-
-
-def _usable(limit: Array) -> Array:
-    """Return limits in which one of 0, which is no limit, is infinite."""
-    return np.where(limit > 0.0, limit, np.inf)
-
-
-def _reached(what: str, names: tuple[str, ...], use: Array) -> list[str]:
-    pairs = zip(names, use.tolist(), strict=True)
-    return [f"{what} of {name}" for name, share in pairs if share > 1.0 - 10 * TOLERANCE]
-
-
-class MuscleTorqueLimit(TorqueLimit):
-    """The torque that keeps the joints' speed is within what muscles have at this speed.
-
-    Speed limits are those without torque. Rows are the distances from the limits in the positive
-    and in the negative direction, shape `(2n,)`.
-    """
-
-    def __init__(self, variables: KickVariables) -> None:
-        super().__init__(variables)
-        limit = variables.leg.velocity_limit[self._vs]
-        self._speed_limit = np.where(limit > 0.0, limit, np.inf)
-
-    def _speed(self, v: Array) -> tuple[Array, Array]:
-        """Return the signs of the directions, `(2, 1)`, and shortening speeds, shape `(2, n)`."""
-        signs = np.array([[1.0], [-1.0]])
-        return signs, np.clip(signs * v[self._vs] / self._speed_limit, 0.0, 1.0)
-
-    def use(self, point: KickPoint) -> Array:
-        torque = self.torque(point.posture, point.v) / self.limit
-        _, speed = self._speed(point.v)
-        most = np.where(torque > 0.0, *muscle_share(speed))
-        return np.asarray(np.abs(torque) / np.maximum(most, 1e-9))
-
-    def residual(self, posture: Posture, v: Array) -> Array:
-        signs, speed = self._speed(v)
-        distances = muscle_share(speed) - signs * self.torque(posture, v) / self.limit
-        return np.asarray(distances.ravel())
-
-    def derivatives(self, posture: Posture, v: Array) -> tuple[Array, Array]:
-        by_q, by_v = self.torque_derivatives(posture, v)
-        signs, speed = self._speed(v)
-        fall = signs * muscle_share_slope(speed) * (speed > 0.0) / self._speed_limit
-        rows_q = -signs[:, :, None] * (by_q / self.limit[:, None])
-        rows_v = -signs[:, :, None] * (by_v / self.limit[:, None])
-        columns = np.arange(len(self._vs))
-        rows_v[:, columns, self._vs] += fall
-        return rows_q.reshape(-1, len(v)), rows_v.reshape(-1, len(v))

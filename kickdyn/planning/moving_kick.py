@@ -1,7 +1,7 @@
 """Planning a kick of a ball that moves: where it is met, and how."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -14,14 +14,7 @@ from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
-from kickdyn.motion.impact_target import impact_target_for, trapped_ball
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.intercepting_kick import (
-    STRONGEST,
-    InterceptingKick,
-    Interception,
-    KickSettings,
-)
 from kickdyn.planning.interception import (
     CANDIDATES,
     FASTEST_BALL,
@@ -44,18 +37,18 @@ from kickdyn.planning.kick_problem import (
     solve_kick,
 )
 from kickdyn.planning.kick_steps import (
+    STRONGEST,
+    ImpactTask,
+    KickSettings,
+    SolvedKick,
     checked_contact,
     checked_leg,
     checked_objective,
     one_thread,
-    plan_flight_launch,
-    plan_pass_launch,
 )
-from kickdyn.planning.kick_terms import BallPosition, Objective
+from kickdyn.planning.kick_terms import OBJECTIVES, BallPosition, Objective
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.meeting import Meeting
-from kickdyn.planning.objectives import OBJECTIVES, LargestShare
-from kickdyn.planning.passes import Pass
 from kickdyn.robot.collisions import find_self_collisions
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.leg import Leg
@@ -72,10 +65,9 @@ LAUNCHES = 3
 
 
 class Interceptor:
-    """The interceptions of a ball by a leg, by the time since it was seen.
+    """The kicks of a moving ball by a leg, by the time since the ball was seen.
 
     Args:
-        leg: that kicks.
         settings: of the kick.
         incoming: the ball, with its ground.
         near: a launch near those that are sought.
@@ -85,21 +77,20 @@ class Interceptor:
 
     def __init__(
         self,
-        leg: Leg,
         settings: KickSettings,
         incoming: IncomingBall,
         near: Launch | None = None,
         longest: float = LONGEST_WAIT,
         reach: Reach | None = None,
     ) -> None:
-        self.leg, self.settings, self.incoming = leg, settings, incoming
+        self.settings, self.incoming = settings, incoming
         self.course = incoming.course(settings.ball, settings.air, longest)
         self._near, self._reach = near, reach
-        self._objective = OBJECTIVES[settings.objective]()
-        self._known: dict[float, Interception | InvalidInput] = {}
+        self._objective = OBJECTIVES[settings.objective]
+        self._known: dict[float, ImpactTask | InvalidInput] = {}
 
-    def at(self, wait: float) -> Interception:
-        """Return the interception of the ball at a time since it was seen [s].
+    def at(self, wait: float) -> ImpactTask:
+        """Return the task of the foot at a time since the ball was seen [s].
 
         Raises:
             InvalidInput: there is no such kick, with the reason.
@@ -166,7 +157,7 @@ class Interceptor:
         x, y, _ = task.before.position.tolist()
         return float(task.ahead[0] * y - task.ahead[1] * x)
 
-    def kicks(self, waits: list[float]) -> tuple[dict[float, InterceptingKick], dict[float, str]]:
+    def kicks(self, waits: list[float]) -> tuple[dict[float, SolvedKick], dict[float, str]]:
         """Return kicks by the time since the ball was seen, and at other times why there is none.
 
         From the time whose postures are best, the solution is followed to its neighbours, and to
@@ -185,13 +176,13 @@ class Interceptor:
                 problems[wait] = like = self.at(wait).problem(like)
             except InvalidInput as error:
                 reasons[wait] = str(error)
-        ratings = {wait: problem.rating for wait, problem in problems.items()}
-        order = sorted(problems, key=lambda wait: ratings[wait])
-        kicks: dict[float, InterceptingKick] = {}
-        if order:
-            self._seek(kicks, order[0], problems[order[0]], problems[order[0]].starts())
+        kicks: dict[float, SolvedKick] = {}
+        if problems:
+            ratings = {wait: problem.rating for wait, problem in problems.items()}
+            best = min(problems, key=ratings.__getitem__)
+            self._seek(kicks, best, problems[best], problems[best].starts())
         if kicks:
-            self._follow(kicks, order[0], problems)
+            self._follow(kicks, problems)
             missed = "no posture near the other meetings gives this launch"
         else:
             reasons = self._seek_strongest(kicks, problems) | reasons
@@ -200,12 +191,9 @@ class Interceptor:
         return kicks, reasons
 
     def _seek_strongest(
-        self, kicks: dict[float, InterceptingKick], problems: dict[float, KickProblem]
+        self, kicks: dict[float, SolvedKick], problems: dict[float, KickProblem]
     ) -> dict[float, str]:
-        """Add the strongest kicks, and return why there are none, first at the best time.
-
-        They start from postures at the ball.
-        """
+        """Add the strongest kicks from postures at the ball; return why there are none."""
         touching, reasons = dict[float, KickProblem](), dict[float, str]()
         for wait, problem in problems.items():
             at_ball = problem.at_ball(TOUCHING_STARTS)
@@ -215,13 +203,14 @@ class Interceptor:
                 ball = problem.find(BallPosition)
                 place = "" if ball is None else f" {ball.place}"
                 reasons[wait] = (
-                    f"{self.leg.name} has no posture in which its foot touches the ball{place}"
+                    f"{self.settings.leg.name} has no posture in which its foot touches the "
+                    f"ball{place}"
                 )
         ranks = {
             wait: (not problem.may_meet(problem.drawn[0]), problem.rating)
             for wait, problem in touching.items()
         }
-        order = sorted(touching, key=lambda wait: ranks[wait])
+        order = sorted(touching, key=ranks.__getitem__)
         for wait in order[:TOUCHING_TIMES]:
             self._seek(kicks, wait, problems[wait], touching[wait].starts(), STRONGEST)
         if order and not kicks:
@@ -231,11 +220,10 @@ class Interceptor:
             except InvalidInput as error:
                 return {best: str(error)} | reasons
         if kicks:
-            best = min(kicks, key=lambda wait: kicks[wait].rank)
-            self._follow(kicks, best, problems, STRONGEST)
+            self._follow(kicks, problems, STRONGEST)
         return reasons
 
-    def _check_facing(self, task: Interception) -> None:
+    def _check_facing(self, task: ImpactTask) -> None:
         """Refuse a ball behind a leg that is turned to the impulse."""
         if self._reach is None or self._reach.across is None:
             return
@@ -248,16 +236,13 @@ class Interceptor:
 
     def _seek(
         self,
-        kicks: dict[float, InterceptingKick],
+        kicks: dict[float, SolvedKick],
         wait: float,
         problem: KickProblem,
         starts: Sequence[Array],
-        objective: Objective | LargestShare | None = None,
+        objective: Objective | None = None,
     ) -> None:
-        """Add the kick at a time if one is near some unknowns to start from.
-
-        It is the best one by the plan's objective, or by another one.
-        """
+        """Add the kick at a time that is best by an objective, if one is near the starts."""
         point = best_from(problem, objective or self._objective, starts)
         if point is not None and objective is not None and point.share > 1.0 - 1e-6:
             point = best_from(problem, self._objective, [point.x]) or point
@@ -266,15 +251,15 @@ class Interceptor:
 
     def _follow(
         self,
-        kicks: dict[float, InterceptingKick],
-        first: float,
+        kicks: dict[float, SolvedKick],
         problems: dict[float, KickProblem],
-        objective: Objective | LargestShare | None = None,
+        objective: Objective | None = None,
     ) -> None:
-        """Add the kicks at times before and after the first one, each from its neighbour."""
-        later = [wait for wait in problems if wait > first]
-        earlier = [wait for wait in problems if wait < first]
-        for side in (later, earlier[::-1]):
+        """Add the kicks at times before and after the best one, each from its neighbour."""
+        first = min(kicks, key=lambda wait: kicks[wait].rank)
+        times = list(problems)
+        number = times.index(first)
+        for side in (times[number + 1 :], times[:number][::-1]):
             last = first
             for wait in side:
                 if wait not in kicks:
@@ -282,39 +267,28 @@ class Interceptor:
                 if wait not in kicks:
                     break
                 last = wait
-        best = min(kicks, key=lambda wait: kicks[wait].rank)
-        number = list(problems).index(best)
-        times = list(problems)
         if len(times) < CANDIDATES:
             return
+        best = min(kicks, key=lambda wait: kicks[wait].rank)
+        number = times.index(best)
         for other in (*times[max(number - 1, 0) : number], *times[number + 1 : number + 2]):
             middle = 0.5 * (best + other)
-            try:
+            with suppress(InvalidInput):
                 problem = self.at(middle).problem(problems[best])
-            except InvalidInput:
-                continue
-            self._seek(kicks, middle, problem, [kicks[best].point.x], objective)
+                self._seek(kicks, middle, problem, [kicks[best].point.x], objective)
 
-    def _task(self, wait: float) -> Interception:
-        s, incoming = self.settings, self.incoming
+    def _task(self, wait: float) -> ImpactTask:
+        s, incoming, goal = self.settings, self.incoming, self.settings.goal
         before = state_at(incoming, self.course, wait)
-        goal: Goal | BallState
-        launch: Launch | Pass | BallState
-        if isinstance(s.goal, BallState):
-            goal, launch = s.goal, trapped_ball(s.goal, before, s.ball, s.contact)
-        else:
-            goal = s.goal.seen_from(before.position - incoming.state.position, wait)
-            if s.surface is None:
-                launch = plan_flight_launch(goal, s.ball, s.air, s.contact, before, self._near)
-                self._near = launch
-            else:
+        if isinstance(goal, Goal):
+            goal = goal.seen_from(before.position - incoming.state.position, wait)
+            if s.surface is not None:
                 _check_on_ground(before, s.ball, incoming)
                 if abs(goal.target[2]) <= IN_GROUND:  # it lies as the ball does, but for rounding
                     goal = replace(goal, target=goal.target * [1.0, 1.0, 0.0])
-                launch = plan_pass_launch(goal, s.ball, s.air, s.surface)
-            goal = goal.at(launch.time)
-        target = impact_target_for(launch.velocity, launch.spin, s.ball, s.contact, before)
-        return Interception(self.leg, s, incoming, before, goal, launch, target)
+        task = ImpactTask.make(s, goal, before, before.position, incoming, self._near)
+        self._near = task.launch if isinstance(task.launch, Launch) else None
+        return task
 
 
 def _check_on_ground(before: BallState, ball: Ball, incoming: IncomingBall) -> None:
@@ -327,17 +301,17 @@ def _check_on_ground(before: BallState, ball: Ball, incoming: IncomingBall) -> N
         )
 
 
-def plan_interception(leg: Leg, incoming: IncomingBall, settings: KickSettings) -> KickPlan:
+def plan_interception(incoming: IncomingBall, settings: KickSettings) -> KickPlan:
     """Return the plan of the best meeting, with all that were considered.
 
     It is the one of the least speed use, among those in which no bodies are inside each other, the
     ball or the ground, if there are such.
     """
     s = settings
-    incoming = incoming.on_ground_of(leg, s.ball)
+    incoming = incoming.on_ground_of(s.leg, s.ball)
     with one_thread():
-        reach = reach_of(leg, s.ball)
-        balls = Interceptor(leg, s, incoming, reach=reach)
+        reach = reach_of(s.leg, s.ball)
+        balls = Interceptor(s, incoming, reach=reach)
         waits = waits_in_reach(
             incoming, balls.course, reach, s.ball.radius, balls.changes, balls.escaping
         )
@@ -346,98 +320,100 @@ def plan_interception(leg: Leg, incoming: IncomingBall, settings: KickSettings) 
         kicks, reasons = balls.kicks(waits.tolist())
         if not kicks:
             earliest = next(iter(reasons))
-            sought = (
-                f"at any of {len(waits)} times within reach" if len(waits) > 1
-                else "at the only time that was sought"
-            )  # fmt: skip
+            several = f"at any of {len(waits)} times within reach"
+            sought = several if len(waits) > 1 else "at the only time that was sought"
             raise InvalidInput(
                 f"the ball cannot be met {sought}: {earliest:.3g} s after it was seen, "
                 f"{reasons[earliest]}{balls.escaping(earliest)}"
             )
-        plan, collisions = _without_collisions(sorted(kicks.values(), key=lambda kick: kick.rank))
+        ordered = dict(sorted(kicks.items(), key=lambda item: item[1].rank))
+        planned, plan, collisions = _without_collisions(ordered)
+    meetings = {
+        wait: Meeting(
+            state_at(incoming, balls.course, wait), incoming, s.goal, s.air, reason=reason
+        )
+        for wait, reason in reasons.items()
+    }
+    for wait, kick in kicks.items():
+        assert kick.meeting is not None
+        meetings[wait] = replace(kick.meeting, reason=collisions.get(wait, ""))
     assert plan.meeting is not None
-    meetings = [plan.meeting] + [
-        replace(kick.meeting, reason=collisions.get(kick.meeting.time, ""))
-        for kick in kicks.values() if kick.meeting.time != plan.meeting.time
-    ] + [
-        Meeting(state_at(incoming, balls.course, wait), incoming, s.goal, s.air, reason=reason)
-        for wait, reason in reasons.items() if wait not in kicks
-    ]  # fmt: skip
-    return replace(plan, meetings=tuple(sorted(meetings, key=lambda meeting: meeting.time)))
+    meetings[planned] = plan.meeting
+    return replace(plan, meetings=tuple(meetings[wait] for wait in sorted(meetings)))
 
 
-def _plan_of(kick: InterceptingKick) -> KickPlan:
+def _plan_of(kick: SolvedKick) -> KickPlan:
     """Return the plan of a kick, which can be planned again."""
     return replace(kick.plan(), _again=partial(_replan, kick))
 
 
 def _without_collisions(
-    kicks: Sequence[InterceptingKick],
-) -> tuple[KickPlan, dict[float, str]]:
-    """Return the plan of the first kick without bodies inside others, and why not of those before.
+    kicks: Mapping[float, SolvedKick],
+) -> tuple[float, KickPlan, dict[float, str]]:
+    """Return time and plan of the first kick without collisions, and why not of those before.
 
     Where bodies collide in all, kicks are planned again with conditions against it.
     """
-    plans, collisions = list[KickPlan](), dict[float, str]()
-    for kick in kicks:
-        plans.append(_plan_of(kick.polished()))
-        if not plans[-1].collisions:
-            return plans[-1], collisions
-        collisions[kick.meeting.time] = plans[-1].collisions[0].partition("; ")[0]
-    for kick in kicks:
+    plans, collisions = dict[float, KickPlan](), dict[float, str]()
+    for wait, kick in kicks.items():
+        plans[wait] = _plan_of(kick.polished())
+        if not plans[wait].collisions:
+            return wait, plans[wait], collisions
+        collisions[wait] = plans[wait].collisions[0].partition("; ")[0]
+    for wait, kick in kicks.items():
         mended = _mended(kick)
         if mended is not None:
-            collisions.pop(kick.meeting.time)
-            return mended, collisions
-    return plans[0], {}
+            collisions.pop(wait)
+            return wait, mended, collisions
+    first = next(iter(plans))
+    return first, plans[first], {}
 
 
-def _mended(kick: InterceptingKick) -> KickPlan | None:
+def _mended(kick: SolvedKick) -> KickPlan | None:
     """Return the plan of a kick in which bodies collide, where conditions against it are kept."""
-    task, problem, point = kick.task, kick.problem, kick.point
-    pairs, ground = set[tuple[str, str]](), kick.meeting.ground.height
+    assert kick.meeting is not None
+    problem, point, pairs = kick.problem, kick.point, set[tuple[str, str]]()
+    ground = kick.meeting.ground.height
     q, initial = problem.on_robot(point)[0], problem.robot.configuration()
     under, always = (find_depths(problem.robot, x, ground) for x in (q, initial))
     if any(abs(depth - always.get(name, 0.0)) < 1e-12 for name, depth in under.items()):
         return None  # such as the other leg, which the kick does not move
     for _ in range(MENDINGS):
         pairs |= find_self_collisions(problem.robot, problem.on_robot(point)[0]).keys()
-        trial = keep_apart(kick.problem, pairs) if pairs else kick.problem
+        trial = keep_apart(problem, pairs) if pairs else problem
         if problem.standing is None:
             trial = keep_above(trial, ground)
         best = best_from(trial, kick.objective, [point.x, *trial.starts()])
         if best is None or best.share < point.share - 1e-6:
             return None
         point = best
-        plan = _plan_of(task.kick(trial, best).polished())
+        plan = _plan_of(kick.task.kick(trial, best).polished())
         if not plan.collisions:
             return plan
     return None
 
 
-def _replan(kick: InterceptingKick, plan: KickPlan, incoming: IncomingBall) -> KickPlan:
+def _replan(kick: SolvedKick, plan: KickPlan, incoming: IncomingBall) -> KickPlan:
     """Return the plan of a ball that is seen again, from the kick of the last plan."""
     assert isinstance(incoming.meet_at, float)
+    assert kick.task.incoming is not None
     settings, task = kick.task.settings, kick.task
-    seen, last = incoming.state, task.incoming.state
+    seen, last = incoming.state, kick.task.incoming.state
     if isinstance(settings.goal, Goal):  # the target stays where it is in the world
         later = float(seen.time) - float(last.time)
         goal = settings.goal.seen_from(seen.position - last.position, later)
         settings = replace(settings, goal=goal)
     wait = incoming.meet_at - float(seen.time)
     earlier = task.launch if isinstance(task.launch, Launch) else None
-    with one_thread():
-        try:
-            balls = Interceptor(task.leg, settings, incoming, earlier, max(wait, SHORTEST_COURSE))
-            task = balls.at(min(wait, balls.course.duration))
-            problem = task.problem(kick.problem)
-            start = task.exactly(problem, problem.variables.point(kick.point.x))
-            point = best_from(problem, OBJECTIVES[settings.objective](), [start.x])
-        except InvalidInput:
-            point = None
+    with one_thread(), suppress(InvalidInput):
+        balls = Interceptor(settings, incoming, earlier, max(wait, SHORTEST_COURSE))
+        task = balls.at(min(wait, balls.course.duration))
+        problem = task.problem(kick.problem)
+        start = task.exactly(problem, problem.variables.point(kick.point.x))
+        point = best_from(problem, OBJECTIVES[settings.objective], [start.x])
         if point is not None:
             return _plan_of(task.kick(problem, point))
-    return plan_interception(task.leg, incoming, settings)
+    return plan_interception(incoming, settings)
 
 
 @validation.check_arguments
@@ -489,8 +465,8 @@ def plan_trap(
     validation.number(
         "speed after the contact", math.hypot(*wish), at_most=FASTEST_BALL, unit="m/s"
     )
-    objective = checked_objective(objective)
     settings = KickSettings(
-        BallState(velocity=wish), ball, air, checked_contact(contact), objective, limits, None
-    )
-    return plan_interception(checked_leg(leg), moving_ball, settings)
+        checked_leg(leg), BallState(velocity=wish), ball, air, checked_contact(contact),
+        checked_objective(objective), limits,
+    )  # fmt: skip
+    return plan_interception(moving_ball, settings)

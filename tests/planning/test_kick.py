@@ -12,7 +12,9 @@ from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
 from kickdyn.planning import kick as module
-from kickdyn.planning.objectives import OBJECTIVES
+from kickdyn.planning.kick_problem import solve_kick
+from kickdyn.planning.kick_steps import outcome_of
+from kickdyn.planning.kick_terms import OBJECTIVES
 
 HUMAN = kd.Leg.human()
 G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
@@ -166,8 +168,8 @@ def test_a_motion_is_planned_again_for_the_contact_that_is_given(monkeypatch):
     """The posture stands for the motion: `strike` with that contact gives the wished launch."""
     plan = kd.plan_kick(HUMAN, kd.Goal(15, time=1.1), BALL, AIR)
     plan, wished = replace(plan, motion=SimpleNamespace(shift=None)), 0.98 * plan.launch.velocity
-    monkeypatch.setattr(module, "_plan_motion", lambda problem, *_, **__: module._plan_posture(
-        problem, OBJECTIVES["foot-speed"]()))  # fmt: skip
+    monkeypatch.setattr(module, "_plan_motion", lambda problem, *_, **__: outcome_of(
+        *solve_kick(problem, OBJECTIVES["foot-speed"]), OBJECTIVES["foot-speed"]))  # fmt: skip
     for contact in (None, kd.Contact(restitution=0.6, friction=0.5)):
         again = module.replan_motion(plan, wished, contact)
         rough = kd.Contact(again.impact.contact.normal, 0.6 if contact else 0.8, friction=0.4)

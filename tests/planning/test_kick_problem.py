@@ -10,10 +10,16 @@ from tolerances import agrees, closed_form, optimized
 import kickdyn as kd
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.planning import kick_problem as module
+from kickdyn.planning.kick_limits import (
+    Balance,
+    Clearance,
+    SpeedLimit,
+    SupportImpulse,
+    TorqueLimit,
+    Upright,
+)
 from kickdyn.planning.kick_problem import explain_infeasible, kick_problem
-from kickdyn.planning.kick_terms import BallPosition, Facing, SpeedLimit, TorqueLimit
-from kickdyn.planning.objectives import JointSpeed, LargestShare
-from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
+from kickdyn.planning.kick_terms import BallPosition, Facing, JointSpeed, LargestShare
 
 BALL = kd.Ball()
 ROUGH = kd.Contact(restitution=0.8, friction=0.4)

@@ -8,18 +8,17 @@ from tolerances import agrees, closed_form, differenced
 import kickdyn as kd
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.planning import kick_terms as module
-from kickdyn.planning.ball_clearance import RESERVE, BodyClearance
-from kickdyn.planning.kick_problem import kick_problem
-from kickdyn.planning.kick_terms import (
-    BallPosition,
-    KickVariables,
+from kickdyn.planning.kick_limits import (
+    RESERVE,
+    BodyClearance,
     MuscleTorqueLimit,
     SpeedLimit,
+    SupportImpulse,
     TorqueLimit,
 )
-from kickdyn.planning.objectives import OBJECTIVES, LargestShare
+from kickdyn.planning.kick_problem import kick_problem
+from kickdyn.planning.kick_terms import OBJECTIVES, BallPosition, KickVariables, LargestShare
 from kickdyn.planning.problem import Function
-from kickdyn.planning.stance import SupportImpulse
 from kickdyn.robot.collisions import TOUCHING, bodies_at, find_ball_overlaps
 
 BALL = kd.Ball()
@@ -63,7 +62,7 @@ def test_slopes_are_those_of_the_values(name, friction, restitution, offset):
         order = 1 if isinstance(term, SupportImpulse) else 2  # its slope is of differences, too
         compare_slopes(term, variables, x, 10 * differenced(order))
     for objective in () if name == "standing" else OBJECTIVES.values():
-        compare_slopes(objective(), variables, x, 10 * differenced(1))
+        compare_slopes(objective, variables, x, 10 * differenced(1))
     compare_slopes(LargestShare(), variables, x, differenced())
 
 
@@ -107,7 +106,7 @@ def test_each_objective_is_what_its_name_says():
     variables = KickVariables(leg, target_of())
     point = variables.point(drawn(variables))
     posture, v, impulse = point.posture, point.v, variables.target.impulse
-    values = {name: term().quantity(point) for name, term in OBJECTIVES.items()}
+    values = {name: term.quantity(point) for name, term in OBJECTIVES.items()}
     data = leg.model.createData()
     energy = pin.computeKineticEnergy(leg.model, data, posture.q, v)
     assert values["kinetic-energy"] == pytest.approx(energy, rel=closed_form(10))
@@ -120,7 +119,7 @@ def test_each_objective_is_what_its_name_says():
     worst = hit.worst_joint[1]
     assert worst <= values["joint-impulse"] <= 3 ** (1 / 12) * worst
     assert values["most-joint-impulse"] == values["joint-impulse"]
-    signs = {name: term().value(point)[0] / values[name] for name, term in OBJECTIVES.items()}
+    signs = {name: term.value(point)[0] / values[name] for name, term in OBJECTIVES.items()}
     assert signs.pop("most-joint-impulse") == -1
     assert set(signs.values()) == {1}
 

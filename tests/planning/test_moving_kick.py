@@ -10,12 +10,15 @@ from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
 from kickdyn.planning import moving_kick as module
-from kickdyn.planning.intercepting_kick import InterceptingKick, KickSettings
 from kickdyn.planning.interception import CANDIDATES, Reach, reach_of
-from kickdyn.planning.kick_steps import checked_contact, plan_flight_launch
-from kickdyn.planning.kick_terms import KickPoint
+from kickdyn.planning.kick_steps import (
+    KickSettings,
+    SolvedKick,
+    checked_contact,
+    launch_for,
+)
+from kickdyn.planning.kick_terms import KickObjective, KickPoint
 from kickdyn.planning.moving_kick import Interceptor
-from kickdyn.planning.objectives import KickObjective, LargestShare
 from kickdyn.planning.plan_report import PlanReport
 
 BALL, AIR = kd.Ball(), kd.Air()
@@ -29,8 +32,8 @@ GOAL = kd.Goal(18, time=1.2)
 
 def interceptor(incoming, goal=GOAL, air=AIR, surface=None, reach=None):
     options = checked_contact(None), KickObjective.JOINT_SPEED, True, surface
-    settings = KickSettings(goal, BALL, air, *options)
-    return Interceptor(HUMAN, settings, incoming, reach=reach)
+    settings = KickSettings(HUMAN, goal, BALL, air, *options)
+    return Interceptor(settings, incoming, reach=reach)
 
 
 def struck_again(plan, incoming):
@@ -174,9 +177,9 @@ def test_where_a_ball_is_and_how_it_moves_away(ball, word):
     assert word == ("moves away from the foot" if away > 0 else faster)
     assert (word or "") in balls.escaping(0.1)
     whole = KickObjective.JOINT_SPEED.term
-    for share, term in ((1.0, whole), (0.9, LargestShare)):  # of a whole or weaker kick
-        found = InterceptingKick(kick, None, KickPoint(None, np.array([share])), *3 * [None])
-        assert type(found.objective) is term
+    for share, term in ((1.0, whole), (0.9, module.STRONGEST)):  # of a whole or weaker kick
+        found = SolvedKick(kick, None, KickPoint(None, np.array([share])), *3 * [None])
+        assert found.objective is term
 
 
 def test_changes_of_the_velocity_are_those_of_parabolas():
@@ -215,7 +218,7 @@ def test_a_ball_that_rolls_is_passed_along_the_ground(ball, height):
 def test_a_kick_leaves_the_spin_that_its_impulse_cannot_change(friction):
     goal, contact = kd.Goal((14, 1, 0.5), time=1.0), kd.Contact(restitution=0.8, friction=friction)
     before = kd.BallState(velocity=(-3.0, 0.5, 1.0), spin=(40.0, -9.0, 20.0))
-    launch = plan_flight_launch(goal, BALL, AIR, contact, before)
+    launch = launch_for(KickSettings(HUMAN, goal, BALL, AIR, contact), goal, before)
     impulse = BALL.mass * (launch.velocity - before.velocity)
     along = impulse / np.linalg.norm(impulse)
     kept = along * (along @ before.spin) if friction else before.spin
@@ -240,7 +243,7 @@ def test_a_ball_behind_the_hip_by_more_than_its_radius_is_refused():
 def test_of_kicks_in_which_bodies_collide_the_first_that_can_be_mended_is_taken(monkeypatch):
     def made(time, *lines):
         plan = SimpleNamespace(collisions=lines)
-        kick = SimpleNamespace(meeting=SimpleNamespace(time=time), plan=plan)
+        kick = SimpleNamespace(time=time, plan=plan)
         kick.polished = lambda: kick
         return kick
 
@@ -251,8 +254,9 @@ def test_of_kicks_in_which_bodies_collide_the_first_that_can_be_mended_is_taken(
         ([hits, worse], {2.0: "mended"}, "mended", {1.0: "in the ball"}),
         ([hits, worse], {}, hits.plan, {}),
     ):
-        monkeypatch.setattr(module, "_mended", lambda kick, by=mended: by.get(kick.meeting.time))
-        assert module._without_collisions(kicks) == (chosen, reasons)
+        monkeypatch.setattr(module, "_mended", lambda kick, by=mended: by.get(kick.time))
+        found = module._without_collisions({kick.time: kick for kick in kicks})
+        assert found[1:] == (chosen, reasons)
 
 
 def test_a_ball_that_rests_before_it_was_to_be_met_is_met_where_it_rests(rolling):

@@ -9,7 +9,7 @@ from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.impact.leg_response import footing
-from kickdyn.planning import stance
+from kickdyn.planning import kick_limits as module
 from kickdyn.robot.standing import StandingRobot, joint_spheres
 
 FOOT = "left_ankle_roll_link"
@@ -31,10 +31,10 @@ def on_robot(posture):
 
 
 def test_the_centre_of_mass_is_that_of_the_robot_on_its_support():
-    balance, model = stance.Balance(STANDING), ROBOT.model
+    balance, model = module.Balance(STANDING), ROBOT.model
     for posture in postures():
         centre = pin.centerOfMass(model, model.createData(), on_robot(posture))
-        assert stance.centre_of_mass(posture) == pytest.approx(centre, abs=closed_form(10))
+        assert module.centre_of_mass(posture) == pytest.approx(centre, abs=closed_form(10))
         # of a rectangle: to the nearest of four edges
         low, high = STANDING.sole.min(axis=0), STANDING.sole.max(axis=0)
         inside = min((centre[:2] - low).min(), (high - centre[:2]).min())
@@ -42,9 +42,9 @@ def test_the_centre_of_mass_is_that_of_the_robot_on_its_support():
 
 
 def test_the_impulse_of_the_support_is_that_of_a_strike():
-    term = stance.SupportImpulse(STANDING, IMPULSE)
+    term = module.SupportImpulse(STANDING, IMPULSE)
     support = kd.Support(FOOT, sole=CORNERS)  # of unknown friction, which limits nothing
-    smooth = stance.SupportImpulse(StandingRobot(ROBOT.with_supports(support)), IMPULSE)
+    smooth = module.SupportImpulse(StandingRobot(ROBOT.with_supports(support)), IMPULSE)
     for posture in postures():
         assert smooth.residual(posture).tolist() == term.residual(posture)[:-1].tolist()
         there = STANDING.robot.posture(on_robot(posture))
@@ -57,7 +57,7 @@ def test_a_support_impulse_is_kept_where_the_strike_says_that_the_foot_stands():
     (support,) = STANDING.robot.constraints.supports
     draw, seen = np.random.default_rng(1), set()
     for _ in range(300):
-        term = stance.SupportImpulse(STANDING, draw.normal(size=3))
+        term = module.SupportImpulse(STANDING, draw.normal(size=3))
         posture = LEG.posture(draw.uniform(-0.6, 0.6, size=LEG.nq))
         residual, p = term.residual(posture), term.wrench(posture)
         if np.abs(residual).min() < 1e-6:
@@ -71,7 +71,7 @@ def test_a_support_impulse_is_kept_where_the_strike_says_that_the_foot_stands():
 
 @pytest.mark.parametrize("ground", [0.0, -0.3])
 def test_no_point_of_the_kicking_foot_is_lower_than_its_value_says(ground):
-    clearance = stance.Clearance(STANDING.robot, STANDING.leg, ground)
+    clearance = module.Clearance(STANDING.robot, STANDING.leg, ground)
     robot = STANDING.robot
     foot, data = joint_spheres(robot, robot.contact_joint), robot.model.createData()
     for posture in (*postures(), LEG.posture(LEG.configuration())):
@@ -80,16 +80,16 @@ def test_no_point_of_the_kicking_foot_is_lower_than_its_value_says(ground):
         lowest = (foot.centres @ pose.rotation[2] - foot.radii).min() + pose.translation[2]
         value = clearance.residual(posture, STILL).min()
         # the spheres that span the foot may be up to 7 mm lower than its points
-        assert lowest - ground - 7e-3 < value < lowest - ground - stance.CLEARANCE + 2e-4
+        assert lowest - ground - 7e-3 < value < lowest - ground - module.CLEARANCE + 2e-4
 
 
 def test_the_trunk_is_upright_within_30_degrees_of_the_vertical():
-    upright, seen = stance.Upright(STANDING), set()
+    upright, seen = module.Upright(STANDING), set()
     level = upright.residual(LEG.posture(LEG.configuration()), STILL)
     assert level == pytest.approx([1 - math.cos(math.radians(30))], abs=closed_form(10))
     for posture in postures(30, seed=5):
         height = pin.Quaternion(on_robot(posture)[3:7]).matrix()[2, 2]  # of the base's axis
         (value,) = upright.residual(posture, STILL)
-        assert value == pytest.approx(height - math.cos(stance.TILT), abs=closed_form(1e4))
+        assert value == pytest.approx(height - math.cos(module.TILT), abs=closed_form(1e4))
         seen.add(bool(value >= 0.0))
     assert seen == {False, True}

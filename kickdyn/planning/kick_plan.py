@@ -1,12 +1,11 @@
 """A planned kick: the strike and the flight that verify it, and the checks of what needs attention.
 
-A check is a function of a plan that returns lines. A line says what is the matter. What can be done
-about it follows after a semicolon.
+A check returns lines. A line says what is the matter, and after a semicolon what can be done.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -229,38 +228,41 @@ class KickPlan(ReprMixin):
         """
         if self.share < 1.0:
             return PlanStatus.BEYOND_LIMITS
-        faults = [CHECKS[check] for check, lines in self._lines.items() if lines]
-        return max([PlanStatus.MET, *faults], key=list(PlanStatus).index)
+        statuses = [PlanStatus.MET, *(status for status, _ in self._lines)]
+        return max(statuses, key=list(PlanStatus).index)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """The lines of `CHECKS`; what can be done about a line follows in it after a semicolon.
+        """A line for each fault; what can be done about it follows in it after a semicolon.
 
         Bodies are compared with the ball and with the ground (level, under the ball or under the
         target, whichever is lower). They are the shapes in the leg's file; without any, its frames,
         which are compared with the ground only.
         """
-        return tuple(line for lines in self._lines.values() for line in lines)
+        return tuple(line for _, line in self._lines)
 
     @property
     def collisions(self) -> tuple[str, ...]:
         """The `warnings` by which the status is `collides`."""
-        collides = [check for check in CHECKS if CHECKS[check] == PlanStatus.COLLIDES]
-        return tuple(line for check in collides for line in self._lines[check])
+        return tuple(line for status, line in self._lines if status == PlanStatus.COLLIDES)
 
     @cached_property
-    def _lines(self) -> "dict[Check, Sequence[str]]":
-        return {check: check(self) for check in CHECKS}
-
-
-def check_path(plan: KickPlan) -> Sequence[str]:
-    """Return the warnings of the flight."""
-    return plan.path.warnings
-
-
-def check_restitution_range(plan: KickPlan) -> Sequence[str]:
-    """Return a line where the restitution is used outside its range of speeds."""
-    return range_warnings(plan.impact.contact.restitution, plan.impact.approach_speed)
+    def _lines(self) -> Sequence[tuple[PlanStatus, str]]:
+        """The lines of all checks, each with the status of a plan that has it."""
+        met, motion = PlanStatus.MET, self.motion
+        contact, speed = self.impact.contact, self.impact.approach_speed
+        checks = [
+            (met, self.path.warnings),
+            (met, range_warnings(contact.restitution, speed)),
+            (met, check_actuators(self)),
+            (met, check_drives(self)),
+            (PlanStatus.SUPPORT_MOVES, check_support(self)),
+            (PlanStatus.BEYOND_LIMITS, () if motion is None else motion.warnings),
+            (met, () if self.balance is None else missing_shapes(self.leg, self.leg.supports[0])),
+            *check_overlaps_at_impact(self),
+            *((PlanStatus.COLLIDES, lines) for lines in check_overlaps_in_motion(self)),
+        ]
+        return [(status, line) for status, lines in checks for line in lines]
 
 
 def check_actuators(plan: KickPlan) -> Sequence[str]:
@@ -298,29 +300,16 @@ def check_support(plan: KickPlan) -> Sequence[str]:
     ]
 
 
-def check_motion(plan: KickPlan) -> Sequence[str]:
-    """Return a line for each limit that the motion does not keep."""
-    return () if plan.motion is None else plan.motion.warnings
+Overlaps = Callable[[KickPlan, Array, float], Mapping[str, float]]
+"""From a plan, and q at a time [s], to how deep bodies overlap with something [m] by name, the
+deepest first."""
 
 
-def check_shapes(plan: KickPlan) -> Sequence[str]:
-    """Return a line for each body of a standing robot's kicking limb of unknown shape."""
-    return () if plan.balance is None else missing_shapes(plan.leg, plan.leg.supports[0])
+def check_overlaps_at_impact(plan: KickPlan) -> Iterator[tuple[PlanStatus, Sequence[str]]]:
+    """Yield lines for bodies that overlap at the impact, with the status of such a plan.
 
-
-def check_ball_overlap(plan: KickPlan) -> Sequence[str]:
-    """Return a line for the bodies that are inside the ball at the impact, if any."""
-    remedy = "another contact point (offset, --offset) or a flatter launch can avoid this"
-    return _at_impact(plan, _in_ball, "inside the ball", remedy)
-
-
-def check_self_collision(plan: KickPlan) -> Sequence[str]:
-    """Return a line for the bodies that are inside each other at the impact, if any."""
-    return _at_impact(plan, _in_each_other, "inside each other", OTHER_POSTURE)
-
-
-def check_ground_at_impact(plan: KickPlan) -> Sequence[str]:
-    """Return a line for the bodies that are under the ground at the impact."""
+    Where the height of the ball is free, the ground is assumed under it, and the line is a warning.
+    """
     remedy = OTHER_POSTURE if plan.balance is not None else OTHER_HEIGHT
     if plan.meeting is not None and plan.balance is None:
         remedy = f"the ground is at z = {plan.meeting.ground.height:.4g} m, and " + (
@@ -328,21 +317,34 @@ def check_ground_at_impact(plan: KickPlan) -> Sequence[str]:
             if len(plan.meetings) > 1
             else "another time or place of the meeting, or lower ground, can avoid this"
         )
-    return (
-        _at_impact(plan, _under_ground, "under the ground", remedy) if plan.ball_is_placed else ()
+    other_point = "another contact point (offset, --offset) or a flatter launch can avoid this"
+    on_ground = PlanStatus.COLLIDES if plan.ball_is_placed else PlanStatus.MET
+    overlaps: Sequence[tuple[Overlaps, str, str, PlanStatus]] = (
+        (_in_ball, "inside the ball", other_point, PlanStatus.COLLIDES),
+        (_in_each_other, "inside each other", OTHER_POSTURE, PlanStatus.COLLIDES),
+        (_under_ground, "under the ground", remedy, on_ground),
     )
+    for find, where, remedy, status in overlaps:
+        bodies = [f"{name} by {depth:.3f} m" for name, depth in find(plan, plan.q, 0.0).items()]
+        line = f"bodies are {where} at the impact: {listed(bodies)}; {remedy}"
+        yield status, [line] if bodies else []
 
 
-def check_ground_of_free_ball(plan: KickPlan) -> Sequence[str]:
-    """Return the same line where the ground is assumed under a ball whose height is free."""
-    return () if plan.ball_is_placed else check_ground_at_impact(replace(plan, ball_is_placed=True))
-
-
-def check_ball_overlap_in_motion(plan: KickPlan) -> Sequence[str]:
-    """Return a line for the bodies that are inside the ball before the impact, but not at 0."""
-    remedy = "another goal gives another motion"
-    where = "inside the ball before the impact"
-    return _in_motion(plan, _in_ball, where, remedy, _times_of_motion(plan, end=0.0))
+def check_overlaps_in_motion(plan: KickPlan) -> Iterator[Sequence[str]]:
+    """Yield lines for bodies that overlap in the motion, but not at the impact."""
+    motion = plan.motion
+    if motion is None:
+        return
+    times = np.linspace(motion.begin, motion.end, MOTION_TIMES)
+    swing = np.linspace(motion.begin, 0.0, MOTION_TIMES)
+    locked = "another goal, or another posture of locked joints (--lock), can avoid this"
+    goal = "another goal gives another motion"
+    other = "another goal, offset or objective gives another motion"
+    yield _in_motion(plan, _in_each_other, "inside each other in the motion", locked, times)
+    yield _in_motion(plan, _in_ball, "inside the ball before the impact", goal, swing)
+    yield check_ball_overlap_after(plan)
+    if plan.ball_is_placed:
+        yield _in_motion(plan, _under_ground, "under the ground in the motion", other, times)
 
 
 def check_ball_overlap_after(plan: KickPlan) -> Sequence[str]:
@@ -353,27 +355,6 @@ def check_ball_overlap_after(plan: KickPlan) -> Sequence[str]:
     times = np.arange(step, min(plan.motion.end, plan.path.duration), step)
     remedy = "another direction of the launch can avoid this"
     return _in_motion(plan, _in_ball, "in the way of the ball after the impact", remedy, times)
-
-
-def check_self_collision_in_motion(plan: KickPlan) -> Sequence[str]:
-    """Return a line for the bodies that are inside each other in the motion, but not at 0."""
-    remedy = "another goal, or another posture of locked joints (--lock), can avoid this"
-    where = "inside each other in the motion"
-    return _in_motion(plan, _in_each_other, where, remedy, _times_of_motion(plan))
-
-
-def check_ground_in_motion(plan: KickPlan) -> Sequence[str]:
-    """Return a line for the bodies that are under the ground in the motion, but not at 0."""
-    if not plan.ball_is_placed:
-        return ()
-    remedy = "another goal, offset or objective gives another motion"
-    where = "under the ground in the motion"
-    return _in_motion(plan, _under_ground, where, remedy, _times_of_motion(plan))
-
-
-Overlaps = Callable[[KickPlan, Array, float], Mapping[str, float]]
-"""From a plan, and q at a time [s], to how deep bodies overlap with something [m] by name, the
-deepest first."""
 
 
 def _in_ball(plan: KickPlan, q: Array, t: float) -> Mapping[str, float]:
@@ -396,26 +377,12 @@ def _under_ground(plan: KickPlan, q: Array, _: float) -> Mapping[str, float]:
     return find_depths(plan.leg, q, height)
 
 
-def _at_impact(plan: KickPlan, find: Overlaps, where: str, remedy: str) -> Sequence[str]:
-    bodies = [f"{name} by {depth:.3f} m" for name, depth in find(plan, plan.q, 0.0).items()]
-    return [f"bodies are {where} at the impact: {listed(bodies)}; {remedy}"] if bodies else ()
-
-
-def _times_of_motion(plan: KickPlan, end: float = math.inf) -> Array:
-    """Return `MOTION_TIMES` times up to `end` [s]; none without a motion."""
-    motion = plan.motion
-    if motion is None:
-        return np.zeros(0)
-    return np.linspace(motion.begin, min(end, motion.end), MOTION_TIMES)
-
-
 def _in_motion(
     plan: KickPlan, find: Overlaps, where: str, remedy: str, times: Array
 ) -> Sequence[str]:
     """Return a line for overlaps at times of the motion [s], without those at 0."""
     motion = plan.motion
-    if motion is None:
-        return ()
+    assert motion is not None
     at_impact, deepest = find(plan, plan.q, 0.0), dict[str, tuple[float, float]]()
     for t in times.tolist():
         for name, depth in find(plan, motion.q(t), t).items():
@@ -424,25 +391,3 @@ def _in_motion(
     ranked = sorted(deepest.items(), key=lambda item: -item[1][0])
     bodies = [f"{name} by {depth:.3f} m at {t:.2f} s" for name, (depth, t) in ranked]
     return [f"bodies are {where}: {listed(bodies, MOST_NAMED)}; {remedy}"] if bodies else ()
-
-
-Check = Callable[[KickPlan], Sequence[str]]
-
-CHECKS: dict[Check, PlanStatus] = {
-    check_path: PlanStatus.MET,
-    check_restitution_range: PlanStatus.MET,
-    check_actuators: PlanStatus.MET,
-    check_drives: PlanStatus.MET,
-    check_support: PlanStatus.SUPPORT_MOVES,
-    check_motion: PlanStatus.BEYOND_LIMITS,
-    check_shapes: PlanStatus.MET,
-    check_ball_overlap: PlanStatus.COLLIDES,
-    check_self_collision: PlanStatus.COLLIDES,
-    check_ground_at_impact: PlanStatus.COLLIDES,
-    check_ground_of_free_ball: PlanStatus.MET,
-    check_self_collision_in_motion: PlanStatus.COLLIDES,
-    check_ball_overlap_in_motion: PlanStatus.COLLIDES,
-    check_ball_overlap_after: PlanStatus.COLLIDES,
-    check_ground_in_motion: PlanStatus.COLLIDES,
-}
-"""The checks of a plan, in the order of their lines, and the status of a plan with such a line."""

@@ -30,7 +30,7 @@ from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.standing import is_floating
 
 if TYPE_CHECKING:
-    from kickdyn.motion.motion_limits import BrokenLimit
+    from kickdyn.motion.limits import BrokenLimit
 
 SHOWN_LIMITS = 12
 """Number of broken limits in the rows that are shown."""
@@ -218,8 +218,10 @@ def check_motion(
         raise InvalidInput(
             'limits of motions need the package casadi: pip install "kickdyn[motion]" installs it'
         )
-    from kickdyn.motion.limits import FRICTION  # it imports CasADi
-    from kickdyn.motion.motion_limits import margins_of
+    from kickdyn.motion.limits import (
+        FRICTION,  # it imports CasADi
+        margins_of,
+    )
 
     recorded, contact = as_recorded(motion), contact or Contact()
     if recorded.leg.joint_names != robot.joint_names or recorded.leg.nq != robot.nq:

@@ -17,17 +17,24 @@ They hold for the impulse of the ground in the impact too.
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.robot.ground_clearance import Spheres
+from kickdyn.motion.motion_file import ranges_of
+from kickdyn.motion.recorded_motion import GroundForces, RecordedMotion, moved
+from kickdyn.robot.collisions import find_self_collisions
+from kickdyn.robot.ground_clearance import TOLERANCE, Spheres, find_depths
 from kickdyn.robot.human_body import muscle_share
-from kickdyn.robot.standing import Foot, StandingRobot, sole_edges
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.standing import Foot, StandingRobot, is_floating, sole_edges
 
 FRICTION = 0.7
 """Coefficient of friction of a support that names none: rubber on a hall's floor or short turf."""
@@ -51,11 +58,10 @@ LARGEST_TILT = math.radians(40)
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """A moment of the motion, or the impact, in CasADi's symbols.
+    """A moment of the motion, or the impact, in CasADi's symbols or numbers.
 
     Attributes:
-        tree: its kinematics, a `SymbolicTree`; limits of joints need its q and v only, which may be
-            numbers.
+        tree: its kinematics, a `SymbolicTree`; limits of joints need its q and v only.
         torque: of the joints, shape `(n,)` [N m; N].
         wrench: of the ground on the root, force, then moment about the world's origin, `(6,)`
             [N, N m]; in the impact, its impulse [N s, N m s].
@@ -75,9 +81,13 @@ def when(time: float) -> str:
     return f"{1e3 * abs(time):.0f} ms {'before' if time < 0.0 else 'after'} the impact"
 
 
-def with_unit(label: str, limit: "Limit") -> str:
-    """Return the name of a margin: the label with the unit, if it is no share of the limit."""
-    return f"{label} [{limit.unit}]" if limit.unit else label
+def least_by_name(names: Iterable[str], values: Iterable[float]) -> dict[str, float]:
+    """Return the least of the finite values of each name."""
+    least: dict[str, float] = {}
+    for name, value in zip(names, values, strict=True):
+        if math.isfinite(value):
+            least[name] = min(value, least.get(name, math.inf))
+    return least
 
 
 class Limit(ABC):
@@ -96,6 +106,11 @@ class Limit(ABC):
     reserve: float = 0.0
     by_splines: bool = False
 
+    @property
+    def names(self) -> list[str]:
+        """The labels with the unit, if margins are no shares of the limit."""
+        return [f"{label} [{self.unit}]" if self.unit else label for label in self.labels]
+
     @abstractmethod
     def margins(self, sample: Sample) -> Any:
         """Return the distance from the limit, shape `(k,)`."""
@@ -103,10 +118,6 @@ class Limit(ABC):
     def rows(self, sample: Sample) -> tuple[Any, float, float]:
         """Return rows of the solver, shape `(k,)`, and the bounds of all of them."""
         return self.margins(sample), self.reserve, math.inf
-
-    def describe(self, label: str, margin: float, time: float) -> str:
-        """Return a sentence about a row whose margin is below 0 at a time [s]."""
-        return f"{self.breach(label, margin)}, {when(time)}"
 
     def breach(self, label: str, margin: float) -> str:
         """Return a sentence about a row whose margin is below 0, without the time."""
@@ -131,13 +142,7 @@ class TorqueLimit(Limit):
 
 
 class RestingTorqueLimit(TorqueLimit):
-    """The torques of joints at rest while others move, as shares of their limits.
-
-    Args:
-        names: of these joints.
-        limit: of their torques [N m; N].
-        numbers: of these joints among all joints at rest.
-    """
+    """The torques of joints at rest while others move; `numbers` are among all joints at rest."""
 
     def __init__(self, names: Sequence[str], limit: Array, numbers: Sequence[int]) -> None:
         super().__init__(names, limit)
@@ -151,7 +156,7 @@ class RestingTorqueLimit(TorqueLimit):
 
 
 class MuscleTorqueLimit(TorqueLimit):
-    """The torques of joints that muscles move, whose limits fall with the speed."""
+    """The torques of muscles, whose limits fall with the speed."""
 
     def __init__(self, names: Sequence[str], limit: Array, speed_limit: Array) -> None:
         super().__init__(names, limit)
@@ -288,41 +293,53 @@ class Impulse(Limit):
         return rows, 0.0, upper
 
 
-class Clearance(Limit):
-    """A body of the kicking limb is above the ground: heights of its spheres [m]."""
-
-    unit, reserve = "m", 0.004
-
-    def __init__(self, name: str, joint: int, spheres: Spheres) -> None:
-        self.labels = [f"the height of {name} above the ground"] * len(spheres.radii)
-        self._joint, self._spheres = joint, spheres
-
-    def margins(self, sample: Sample) -> Any:
-        points = [sample.tree.point(self._joint, centre) for centre in self._spheres.centres]
-        return ca.vertcat(*(point[2] for point in points)) - ca.DM(self._spheres.radii)
-
-
-class Apart(Limit):
-    """The kicking foot stays beside the supporting one: distances from the sole's inner edge [m].
+class SphereDistance(Limit):
+    """Coordinates of the spheres of a body less their radii and the one of an edge [m].
 
     Args:
-        name: of the kicking foot.
-        joint: that carries it.
+        label: of all rows.
+        joint: that carries the body.
         spheres: that span it, in the joint's axes.
-        edge: y of the sole's inner edge [m].
-        side: 1 where the kicking foot is to the left of it, -1 to the right.
+        axis: number of the coordinate in the world.
+        edge: its value at the edge [m].
+        side: 1 if the body is beyond the edge, or -1.
     """
 
-    unit, reserve = "m", 0.01
+    unit = "m"
 
-    def __init__(self, name: str, joint: int, spheres: Spheres, edge: float, side: float) -> None:
-        self.labels = [f"the distance of {name} from the supporting foot"] * len(spheres.radii)
-        self._joint, self._spheres, self._edge, self._side = joint, spheres, edge, side
+    def __init__(
+        self, label: str, joint: int, spheres: Spheres, axis: int, edge: float, side: float
+    ) -> None:
+        self.labels = [label] * len(spheres.radii)
+        self._joint, self._spheres = joint, spheres
+        self._axis, self._edge, self._side = axis, edge, side
 
     def margins(self, sample: Sample) -> Any:
         points = [sample.tree.point(self._joint, centre) for centre in self._spheres.centres]
-        beside = ca.vertcat(*(point[1] for point in points)) - self._edge
-        return self._side * beside - ca.DM(self._spheres.radii)
+        beyond = ca.vertcat(*(point[self._axis] for point in points)) - self._edge
+        return self._side * beyond - ca.DM(self._spheres.radii)
+
+
+class Clearance(SphereDistance):
+    """A body of the kicking limb is above the ground: heights of its spheres [m]."""
+
+    reserve = 0.004
+
+    def __init__(self, name: str, joint: int, spheres: Spheres) -> None:
+        super().__init__(f"the height of {name} above the ground", joint, spheres, 2, 0.0, 1.0)
+
+
+class Apart(SphereDistance):
+    """The kicking foot stays beside the supporting one: distances from the sole's inner edge [m].
+
+    The edge is at a y [m], and the kicking foot to the left of it, with the side 1, or the right.
+    """
+
+    reserve = 0.01
+
+    def __init__(self, name: str, joint: int, spheres: Spheres, edge: float, side: float) -> None:
+        label = f"the distance of {name} from the supporting foot"
+        super().__init__(label, joint, spheres, 1, edge, side)
 
 
 class Tilt(Limit):
@@ -335,3 +352,114 @@ class Tilt(Limit):
 
     def margins(self, sample: Sample) -> Any:
         return (sample.tree.rotation(self._joint) @ ca.DM(self._axis))[2] - math.cos(LARGEST_TILT)
+
+
+ROUNDED = 1e-6
+"""Margin below 0 that rounding in a file explains."""
+
+FLOATS = "the sole of the foot that stands is above the ground"
+
+
+class BrokenLimit(NamedTuple):
+    """A limit that a recorded motion breaks.
+
+    Attributes:
+        name: of the limit.
+        frames: number of frames in which it is broken.
+        time: at which it is broken most [s].
+        amount: by how much then, in `unit`.
+        unit: `m`, `rad`, or `1` for a share of the limit.
+        sentence: all this in words.
+    """
+
+    name: str
+    frames: int
+    time: float
+    amount: float
+    unit: str
+    sentence: str
+
+
+def margins_of(
+    motion: RecordedMotion, robot: Leg, forces: GroundForces, ground: float, friction: float
+) -> tuple[dict[str, Array], tuple[BrokenLimit, ...]]:
+    """Return margins over the frames by name, nan where none apply, and the limits that are broken.
+
+    Joints keep `TorqueLimit`, `SpeedLimit` and `RangeLimit`; the ground `Pressure`, `Friction`,
+    `PressureCentre` and `Twist`, on the hull of all soles that stand; bodies are not under the
+    ground (`find_depths`) nor inside each other (`find_self_collisions`).
+
+    Args:
+        motion: with q, v and a.
+        robot: that moves.
+        forces: of the motion.
+        ground: height of the ground [m].
+        friction: Coulomb's coefficient of the ground.
+    """
+    names = robot.single_joints
+    columns = [robot.velocity_index(name) for name in names]
+    effort, speed = (
+        np.where(limit > 0.0, limit, math.inf)[columns]
+        for limit in (robot.effort_limit, robot.velocity_limit)
+    )
+    of_joints = [
+        TorqueLimit(names, effort), SpeedLimit(names, speed),
+        RangeLimit(names, *ranges_of(robot, names).T),
+    ]  # fmt: skip
+    weight = GRAVITY * pin.computeTotalMass(robot.workspace.model)
+    count, values = len(motion.t), dict[str, Array]()
+    kinds: dict[str, tuple[Limit | None, str]] = {}
+
+    def put(row: int, margin: float, label: str, limit: Limit | None, name: str) -> None:
+        least = values.setdefault(name, np.full(count, np.nan))
+        least[row] = np.fmin(least[row], margin)
+        kinds[name] = limit, label
+
+    for row, (q, v) in enumerate(zip(motion.q, motion.v, strict=True)):
+        tree = SimpleNamespace(q=ca.DM(list(robot.joint_values(q).values())), v=ca.DM(v[columns]))
+        sample = Sample(tree, ca.DM(forces.torque[row, columns]), None, weight)
+        kept, overlaps = [(limit, sample) for limit in of_joints], dict[str, float]()
+        if forces.stands[row].any():
+            of_ground, overlaps = _ground_limits(row, forces, weight, friction, ground)
+            kept += of_ground
+        elif is_floating(robot):
+            del kept[0]  # torques are those of no ground
+        for limit, at in kept:
+            numbers = np.asarray(ca.DM(limit.margins(at))).ravel().tolist()
+            for label, name, value in zip(limit.labels, limit.names, numbers, strict=True):
+                put(row, value, label, limit, name)
+        for frame, depth in find_depths(robot, q, ground).items():
+            overlaps[f"{frame} is under the ground"] = depth
+        for (first, second), depth in find_self_collisions(robot, q).items():
+            overlaps[f"{first} is inside {second}"] = depth
+        for label, depth in overlaps.items():
+            put(row, -depth, label, None, f"{label} [m]")
+    broken = (_broken(*kinds[name], margins, motion.t) for name, margins in values.items())
+    return values, tuple(limit for limit in broken if limit)
+
+
+def _broken(limit: Limit | None, label: str, margins: Array, t: Array) -> BrokenLimit | None:
+    """Return a limit that is broken, by margins over the frames."""
+    frames, worst = int((margins < -ROUNDED).sum()), int(np.nanargmin(margins))
+    if not frames:
+        return None
+    amount, unit = -float(margins[worst]), "m" if limit is None else limit.unit or "1"
+    said = f"{label} by {1e3 * amount:.1f} mm" if limit is None else limit.breach(label, -amount)
+    where = f"at {t[worst]:.4g} s, and in {frames} of {len(t)} frames"
+    return BrokenLimit(label, frames, float(t[worst]), amount, unit, f"{said}, {where}")
+
+
+def _ground_limits(
+    row: int, forces: GroundForces, weight: float, friction: float, ground: float
+) -> tuple[list[tuple[Limit, Sample]], dict[str, float]]:
+    """Return limits of the ground's wrench in a frame, and the height of soles that float [m]."""
+    corners = np.vstack([
+        sole[row] for sole, stands in zip(forces.soles, forces.stands[row], strict=True) if stands
+    ])  # fmt: skip
+    height = float(corners[:, 2].min()) - ground
+    wrench = moved(forces.wrench[row], float(corners[:, 2].mean()))
+    limits, feet = list[Limit]([Pressure(0.0)]), Foot("", None, corners[:, :2])
+    if wrench[2] > LEAST_PRESSURE * weight:  # the other limits are divided by it
+        limits += [Friction(friction), PressureCentre(feet), Twist(feet, friction)]
+    sample = Sample(None, None, ca.DM(wrench), weight)
+    return [(limit, sample) for limit in limits], {FLOATS: height} if height > TOLERANCE else {}

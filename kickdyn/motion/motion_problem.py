@@ -23,8 +23,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from kickdyn.core.validation import Array
-from kickdyn.motion.impact_rows import impact_rows
-from kickdyn.motion.kick_task import KickTask, limits_of, limits_on_both, resting_limit
+from kickdyn.motion.kick_task import KickTask, impact_rows, limits_of, limits_on_both, resting_limit
 from kickdyn.motion.limits import (
     LENGTH,
     Clearance,
@@ -33,10 +32,8 @@ from kickdyn.motion.limits import (
     Sample,
     SpeedLimit,
     TorqueLimit,
-    with_unit,
 )
 from kickdyn.motion.motion import settling
-from kickdyn.motion.row_blocks import OPTIONS, Block, Cost, Rows, block_solver, make_rows
 from kickdyn.motion.separation import (
     BALL_RESERVE,
     RESERVE,
@@ -44,11 +41,17 @@ from kickdyn.motion.separation import (
     Surroundings,
 )
 from kickdyn.motion.splines import (
+    OPTIONS,
     TOLERANCE,
+    Block,
+    Cost,
     MotionSplines,
     Multipliers,
+    Rows,
     Solution,
+    block_solver,
     integration_weights,
+    make_rows,
     per_joint,
     taken_over,
 )
@@ -102,13 +105,7 @@ class MotionProblem:
         feet: both feet, where the motion starts and ends on them; else None.
     """
 
-    def __init__(
-        self,
-        task: KickTask,
-        splines: MotionSplines,
-        limited: Sequence[str] = (),
-    ) -> None:
-        """Make it; `limited` are joints at rest whose torques have rows."""
+    def __init__(self, task: KickTask, splines: MotionSplines, limited: Sequence[str] = ()) -> None:
         self.task, self.splines, self.limited = task, splines, tuple(limited)
         self.limits, self.impulse_limits = limits_of(task)
         model, whole = task.leg.model, task.whole
@@ -134,9 +131,8 @@ class MotionProblem:
         if task.standing is not None:
             scale = np.append(scale, self._weight * np.repeat([1.0, LENGTH], 3))
         self._scale, of_ground = ca.DM(scale), len(scale) - self.n
-        self._most = np.append(
-            np.full(self.n, 1.0 - TorqueLimit.reserve), np.full(of_ground, np.inf)
-        )
+        most = np.repeat([1.0 - TorqueLimit.reserve, np.inf], [self.n, of_ground])
+        self._most = np.asarray(most)
         needed = ca.vertcat(*tree.inverse_dynamics())[: len(scale)] / self._scale
         self.forces = ca.Function("forces", [tree.q, tree.v, tree.a], [needed])
         self.margins, self._all_forces = self._of_all_joints()
@@ -184,11 +180,9 @@ class MotionProblem:
     def _path_rows(self, needed: Any) -> tuple[list[tuple[str, str]], NDArray[np.bool_], Rows]:
         """Return labels and units of the limits at a point, which rows are heights, and the rows.
 
-        The unknowns are q, v, a and the forces over their scale; parameters are the changes by
-        joints at rest that gave way, of these forces and of the torques of joints at rest.
-
-        Args:
-            needed: the forces of q, v and a.
+        The unknowns are q, v, a and the forces over their scale, which are `needed` of q, v and a;
+        parameters are the changes, by joints at rest that gave way, of these forces and of the
+        torques of joints at rest.
         """
         tree, count = self._tree, self._scale.numel()
         forces = ca.SX.sym("forces", count)
@@ -213,7 +207,7 @@ class MotionProblem:
     @property
     def row_labels(self) -> list[str]:
         """Names of the rows of `margins`, with their units."""
-        return [with_unit(label, limit) for limit in self.limits for label in limit.labels]
+        return [name for limit in self.limits for name in limit.names]
 
     def ball_centre(self, q: Array) -> Array:
         """Return the centre of the ball that the foot touches at q, shape `(3,)` [m]."""
@@ -286,12 +280,9 @@ class MotionProblem:
         return self.stand_on_both(near, self.feet.standing.sole.mean(axis=0), alone=True)
 
     def stand_on_both(self, near: Array, centre: Array, *, alone: bool = False) -> Array | None:
-        """Return a posture at rest on both feet with the centre of mass above a point, `(n,)`.
+        """Return a posture at rest on both feet with the centre of mass above a point [m].
 
-        Args:
-            near: posture near which it is, shape `(n,)`.
-            centre: the point, shape `(2,)` [m].
-            alone: whether the supporting foot alone has the weight.
+        With `alone`, the supporting foot has all the weight.
         """
         assert self.feet is not None
         tree, lower = self._tree, self.path.lower
@@ -309,28 +300,21 @@ class MotionProblem:
     ) -> Array | None:
         """Return the nearest posture at rest that keeps rows of the path, and others of q.
 
-        Args:
-            near: posture, shape `(n,)`.
-            lowest: bounds of the rows of the path.
-            others: rows of the configuration.
-            alone: whether the torques are those of a robot on its supporting foot alone.
+        `lowest` bounds the rows of the path. With `alone`, torques are those of a robot on its
+        supporting foot alone, and limited.
         """
         q, forces = ca.MX.sym("q", self.n), ca.MX.sym("forces", len(self._most))
         unknowns = ca.vertcat(q, ca.DM.zeros(2 * self.n), forces)
-        rows = [self.path.values(unknowns, 0.0)[0]]
-        lower, upper = [lowest], [np.where(np.isneginf(lowest), np.inf, self.path.upper)]
+        rows = [(self.path.values(unknowns, 0.0)[0], lowest,
+                 np.where(np.isneginf(lowest), np.inf, self.path.upper))]  # fmt: skip
         most = self._most if alone else np.full(len(self._most), np.inf)
         if others is not None:
-            rows.append(others.values(q, [])[0])
-            lower.append(others.lower)
-            upper.append(others.upper)
-        problem = {
-            "x": ca.vertcat(q, forces),
-            "f": ca.sumsqr(q - ca.DM(near)),
-            "g": ca.vertcat(*rows),
-        }
+            rows.append((others.values(q, [])[0], others.lower, others.upper))
+        values, lower, upper = zip(*rows, strict=True)
+        x, distance = ca.vertcat(q, forces), ca.sumsqr(q - ca.DM(near))
         ipopt = {**OPTIONS, "max_iter": REST_ITERATIONS}
         options = {"error_on_fail": False, "print_time": False, "ipopt": ipopt}
+        problem = {"x": x, "f": distance, "g": ca.vertcat(*values)}
         solver = ca.nlpsol("stand", "ipopt", problem, options)
         room = 0.02 * (self.upper - self.lower)
         start = np.append(near, np.asarray(self.forces(near, 0.0, 0.0)).ravel())
@@ -363,8 +347,7 @@ class MotionProblem:
             shares: bounds of the share.
             options: of Ipopt, besides `OPTIONS`.
             apart: conditions of bodies.
-            near: coefficients near which those of the solution are, shape `(size, n)`, by
-                `NEARNESS` times half the squared distance in the objective.
+            near: coefficients near which those of the solution are, by `NEARNESS`.
         """
         n, splines = self.n, self.splines
         moments, free = np.concatenate(times), len(self._most)
@@ -463,10 +446,9 @@ class MotionProblem:
     def _lower_on_both(
         self, lower: Sequence[Array], times: list[Array], apart: Sequence[Conditions]
     ) -> list[Array]:
-        """Return the lower bounds of the rows of points, of the impact and of bodies.
+        """Return the lower bounds of rows without inequalities at both ends, which are given.
 
-        Both ends are given, so inequalities do not count there, and the kicking foot is lifted from
-        the ground, where it has no reserve.
+        While the kicking foot is lifted from the ground, it has no reserve.
         """
         moments, ends = np.concatenate(times), (times[0][0], times[1][-1])
         distance = np.minimum(moments - ends[0], ends[1] - moments)
@@ -484,24 +466,16 @@ class MotionProblem:
         The first gives torques of the joints on the supporting foot alone, and the ground's wrench,
         for q, v and a; the second gives margins for these, torques and the wrenches on both feet.
         """
-        tree, (of_first, of_other) = self._tree, limits_on_both(self.task)
+        tree, limits = self._tree, limits_on_both(self.task)
         forces = ca.Function("forces", [tree.q, tree.v, tree.a], [*tree.inverse_dynamics()])
-        torque, first, other = (ca.SX.sym("x", size) for size in (self.n, 6, 6))
-        samples = [
-            Sample(tree, torque, wrench, 1.0, self._resting_torque) for wrench in (first, other)
-        ]
-        margins = [
-            limit.margins(sample)
-            for limits, sample in zip((of_first, of_other), samples, strict=True)
-            for limit in limits
-        ]
-        unknowns = [tree.q, tree.v, tree.a, torque, first, other]
-        labels = [with_unit(label, limit) for limit in of_first for label in limit.labels]
-        labels += [
-            with_unit(label.replace("the supporting foot", "the other foot"), limit)
-            for limit in of_other
-            for label in limit.labels
-        ]
+        torque, *wrenches = (ca.SX.sym("x", size) for size in (self.n, 6, 6))
+        margins, labels = [], []
+        for of_foot, wrench, foot in zip(limits, wrenches, ("supporting", "other"), strict=True):
+            sample = Sample(tree, torque, wrench, 1.0, self._resting_torque)
+            margins += [limit.margins(sample) for limit in of_foot]
+            names = (name for limit in of_foot for name in limit.names)
+            labels += [name.replace("the supporting foot", f"the {foot} foot") for name in names]
+        unknowns = [tree.q, tree.v, tree.a, torque, *wrenches]
         return (forces, ca.Function("margins", unknowns, [ca.vertcat(*margins)])), tuple(labels)
 
     def effects(self, solution: Solution) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """Planning the motion of a kick: starts, points added where limits are broken, a verdict."""
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from typing import Any
 
@@ -44,16 +44,10 @@ def frames_of(leg: Leg, joints: Sequence[int]) -> list[str]:
 def limbs_aside(
     task: KickTask, leg: Leg, postures: Array, limbs: Sequence[Sequence[int]]
 ) -> dict[str, float]:
-    """Return angles of the joints of limbs that are in the way of a motion, by name.
+    """Return angles of the joints of limbs that are in the way of postures `(k, nq)`, by name.
 
     Of angles that are drawn, they are those nearest to rest that keep all bodies of a limb by
-    `ASIDE` from the other ones; where none do, the limb stays at rest.
-
-    Args:
-        task: the kick.
-        leg: with the limbs.
-        postures: of the motion, shape `(k, nq)` of that leg.
-        limbs: joints of each.
+    `ASIDE` from the other ones; where none do, the limb stays at rest. `leg` has the limbs.
     """
     neutral, draw, times = rest_configuration(leg), np.random.default_rng(0), len(postures)
     postures = postures.copy()
@@ -169,11 +163,7 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
 
     The joints between the feet of a standing robot are tried first, which takes a fraction of the
     time; limbs in the way of their motion are put aside of it. All joints move where those do not
-    reach the whole launch.
-
-    Args:
-        task: the kick.
-        near: motion of the same robot for nearly the same kick, as the only one to start from.
+    reach the whole launch. With a motion `near`, of nearly the same kick, it is the only start.
 
     Raises:
         InvalidInput: a joint without limits, a sole that is too narrow, or a robot that cannot
@@ -188,21 +178,21 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     if task.standing is not None:
         legs = replace(task, leg=kicking_chain(task.leg, others=angles).leg, aside=angles)
     if legs.leg.joint_names == task.leg.joint_names:
-        return _plan(task, _Near(near), STARTS, work)
+        return _plan(task, near, STARTS, work)
     if near is not None and near.joints != legs.leg.joint_names:
-        return _plan(task, _Near(near), 0, work)
+        return _plan(task, near, 0, work)
     of_legs = _Work(LEGS_WORK)
-    planned = legs_only = _plan(legs, _Near(near), 0, of_legs, task.leg)
+    planned = legs_only = _plan(legs, near, 0, of_legs, whole=task.leg)
     work.left -= LEGS_WORK - of_legs.left
     if legs_only.keeps_limits or near is not None:
         return legs_only
     if legs_only.share > NEARLY:
-        planned = _plan(task, _Near(legs_only.motion, legs_only.share), 0, work)
+        planned = _plan(task, legs_only.motion, 0, work, share=legs_only.share)
         if planned.keeps_limits:
             return planned
     others = [planned, legs_only]
     if work.iterations(task.leg.nv):
-        others.append(_plan(task, _Near(None), 1, work))
+        others.append(_plan(task, None, 1, work))
     return max(others, key=lambda motion: motion.rank)
 
 
@@ -210,12 +200,8 @@ def continue_motion(task: KickTask, start: Solution, near: Array | None = None) 
     """Return the verdict on the motion of a kick next to the solution of nearly the same kick.
 
     Both have the same joints and the same local optimum, so motions in between them are nearly
-    optimal too. Limits that are broken between the points of the solver get points there.
-
-    Args:
-        task: the kick.
-        start: solution of nearly the same kick.
-        near: coefficients near which the motion is, see `MotionProblem.solve`.
+    optimal too. Limits that are broken between the points of the solver get points there. The
+    motion is near some coefficients, see `MotionProblem.solve`.
     """
     problem = motion_problem(task, [name for name in start.limited if name in task.resting])
     search = _Search(problem, start.rest, _Work(CONTINUED * problem.n), partly=False, near=near)
@@ -223,44 +209,38 @@ def continue_motion(task: KickTask, start: Solution, near: Array | None = None) 
     return verdict if verdict.keeps_limits else search.refine(verdict.solution)
 
 
-@dataclass(frozen=True, eq=False)
-class _Near:
-    """What to start from.
-
-    Attributes:
-        motion: None is a posture at rest.
-        share: of the launch, that it reaches.
-    """
-
-    motion: Motion | None
-    share: float = 1.0
-
-
 def _plan(
-    task: KickTask, near: _Near, starts: int, work: _Work, whole: Leg | None = None
+    task: KickTask,
+    near: Motion | None,
+    starts: int,
+    work: _Work,
+    *,
+    whole: Leg | None = None,
+    share: float = 1.0,
 ) -> PlannedMotion:
     """Return the best motion of all joints of a task.
 
     Args:
         task: the kick.
-        near: the motion to start from.
+        near: the motion to start from; None is a posture at rest.
         starts: number of starts at most; with 0, there is one, and limits between points are not
             sought where it does not reach the whole launch.
         work: iterations that the solutions may take together.
         whole: the leg with the limbs that are at rest, which are put aside of the motion.
+        share: of the launch, that `near` reaches.
     """
-    former = None if near.motion is None else near.motion.solution
+    former = None if near is None else near.solution
     limited = () if former is None else [name for name in former.limited if name in task.resting]
     problem, verdicts = motion_problem(task, limited), list[Verdict]()
-    idle = [] if whole is None or near.motion is not None else idle_limbs(whole, task.leg)
-    for posture, start in islice(_starts(problem, near), max(starts, 2 if near.motion else 1)):
+    idle = [] if whole is None or near is not None else idle_limbs(whole, task.leg)
+    for posture, start in islice(_starts(problem, near, share), max(starts, 2 if near else 1)):
         search = _Search(problem, posture, work, partly=starts > 0)
         if start.multipliers is not None:
             verdicts.append(search.again(start))
         else:
             bodies = [] if whole is None else frames_of(whole, [n for limb in idle for n in limb])
-            solution = search.first(start, near.motion is not None, bodies)
-            if whole is not None and near.motion is None and solution.share > HOPE:
+            solution = search.first(start, near is not None, bodies)
+            if whole is not None and near is None and solution.share > HOPE:
                 search.put_aside(solution, whole, idle)
             verdicts.append(search.refine(solution))
         if verdicts[-1].keeps_limits or not work.iterations(problem.n):
@@ -274,29 +254,10 @@ def motion_problem(task: KickTask, limited: Sequence[str] = ()) -> MotionProblem
     return MotionProblem(task, MotionSplines(*DURATIONS[stands], INTERVALS[stands]), limited)
 
 
-def _put_aside(
-    problem: MotionProblem, solution: Solution, whole: Leg, limbs: Sequence[Sequence[int]]
-) -> MotionProblem:
-    """Return the problem with the limbs that a motion would hit put aside of it."""
-    task, splines = problem.task, problem.splines
-    times = [
-        np.linspace(grid[0], grid[-1], ASIDE_TIMES // len(splines.grids)) for grid in splines.grids
-    ]
-    columns = [whole.joint_names.index(name) for name in task.leg.joint_names]
-    postures = np.tile(rest_configuration(whole), (sum(map(len, times)), 1))
-    postures[:, columns] = splines.values(times, 0) @ solution.coefficients
-    angles = limbs_aside(task, whole, postures, limbs)
-    if not angles:
-        return problem
-    return motion_problem(replace(task, leg=kicking_chain(whole, others=angles).leg, aside=angles))
-
-
 class _Search:
-    """Solutions of a problem from one start.
+    """Solutions of a problem from one start, whose ends are near a posture at rest, `(n,)`.
 
-    Attributes:
-        problem: that is solved.
-        rest: posture near which both ends are, shape `(n,)`.
+    `partly` says whether a share of the launch is of use.
     """
 
     def __init__(
@@ -308,7 +269,6 @@ class _Search:
         partly: bool,
         near: Array | None = None,
     ) -> None:
-        """Make a search; `partly` says whether a share of the launch is of use."""
         self.problem, self.rest, self._work, self._partly = problem, rest, work, partly
         self._near = near
 
@@ -337,11 +297,20 @@ class _Search:
 
     def put_aside(self, solution: Solution, whole: Leg, limbs: Sequence[Sequence[int]]) -> None:
         """Put the limbs aside that the motion of a solution would hit."""
-        other = _put_aside(self.problem, solution, whole, limbs)
-        if other.feet is not None and other is not self.problem:
-            posture = other.stand(self.rest, at_ball=False)
+        task, splines = self.problem.task, self.problem.splines
+        count = ASIDE_TIMES // len(splines.grids)
+        times = [np.linspace(grid[0], grid[-1], count) for grid in splines.grids]
+        columns = [whole.joint_names.index(name) for name in task.leg.joint_names]
+        postures = np.tile(rest_configuration(whole), (sum(map(len, times)), 1))
+        postures[:, columns] = splines.values(times, 0) @ solution.coefficients
+        angles = limbs_aside(task, whole, postures, limbs)
+        if not angles:
+            return
+        leg = kicking_chain(whole, others=angles).leg
+        self.problem = motion_problem(replace(task, leg=leg, aside=angles))
+        if self.problem.feet is not None:
+            posture = self.problem.stand(self.rest, at_ball=False)
             self.rest = self.rest if posture is None else posture
-        self.problem = other
 
     def _limit_overloaded(self, verdict: Verdict) -> bool:
         """Limit torques of joints at rest beyond their limits; return whether there are others."""
@@ -360,10 +329,8 @@ class _Search:
     def first(self, start: Solution, moves: bool, aside: Sequence[str]) -> Solution:
         """Return a solution from unknowns to start from, of limits at few points.
 
-        Args:
-            start: the unknowns.
-            moves: whether they are those of a motion.
-            aside: frames of bodies that do not count, because they are put aside later.
+        `moves` says whether they are those of a motion. Bodies at the frames `aside`, which are put
+        aside later, do not count.
         """
         problem = self.problem
         surroundings = problem.surroundings.without(aside)
@@ -398,7 +365,9 @@ class _Search:
         return best_of(verdicts or [verdict])
 
 
-def _starts(problem: MotionProblem, near: _Near) -> Iterator[tuple[Array, Solution]]:
+def _starts(
+    problem: MotionProblem, motion: Motion | None, share: float
+) -> Iterator[tuple[Array, Solution]]:
     """Yield postures at rest and unknowns to start from.
 
     Without a motion to start from, the robot stays in a posture that touches the ball.
@@ -406,7 +375,7 @@ def _starts(problem: MotionProblem, near: _Near) -> Iterator[tuple[Array, Soluti
     Raises:
         InvalidInput: there are none.
     """
-    splines, motion = problem.splines, near.motion
+    splines = problem.splines
     times = splines.times(*POINTS)
     if motion is not None:
         leg = problem.task.leg
@@ -417,7 +386,7 @@ def _starts(problem: MotionProblem, near: _Near) -> Iterator[tuple[Array, Soluti
         solution = motion.solution
         if solution is not None and np.array_equal(solution.coefficients, coefficients):
             yield solution.rest, solution
-        yield coefficients[0], Solution(coefficients[0], coefficients, near.share, times)
+        yield coefficients[0], Solution(coefficients[0], coefficients, share, times)
         return
     draw, robot = np.random.default_rng(0), problem.task.robot
     room = CENTRAL * (problem.upper - problem.lower)

@@ -57,12 +57,9 @@ class Conditions(NamedTuple):
 
 
 class Surroundings:
-    """Which bodies can come near each other or the ball.
+    """Which bodies of a robot can come near each other or a ball with a radius [m].
 
-    Args:
-        robot: with the shapes of its file.
-        leg: the joints of it that move, whose configurations are given.
-        radius: of the ball [m].
+    `leg` has the joints that move, whose configurations are given.
     """
 
     def __init__(self, robot: Leg, leg: Leg, radius: float) -> None:
@@ -130,13 +127,10 @@ class Surroundings:
     def conditions(
         self, gaps: Sequence[Sequence[Gap]], times: Array, q: Array, chosen: NDArray[np.bool_]
     ) -> list[Conditions]:
-        """Return the conditions of bodies that come near each other.
+        """Return the conditions of bodies that come near each other, by their gaps at times [s].
 
-        Args:
-            gaps: at times.
-            times: shape `(k,)` [s].
-            q: configurations at these times, shape `(k, n)`.
-            chosen: which of the times have conditions besides those at which bodies are nearest.
+        The configurations are q, shape `(k, n)`. Times that are `chosen` have conditions besides
+        those at which bodies are nearest.
         """
         depths: dict[tuple[str, str], Array] = {}
         for number, close in enumerate(gaps):

@@ -1,10 +1,16 @@
-"""Cubic splines before and after the impact, as linear maps of one row of coefficients."""
+"""Splines of a motion, solutions of them, and the nonlinear program of rows at several points.
+
+The rows are the same at several points. The Hessian of the Lagrangian is assembled from those at
+single points, which takes a fifth of the time of automatic differentiation through the maps from
+the unknowns to the points.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 from scipy.interpolate import BSpline
@@ -21,10 +27,10 @@ DENSE_TIME = 0.1
 
 
 class MotionSplines:
-    """Positions of joints from rest to the impact and from there to rest.
+    """Cubic splines of joints from rest to the impact and from there to rest.
 
     Velocity and acceleration are 0 at the beginning and at the end; at the impact positions are
-    equal. Coefficients that remain have the shape `(size, n)` for n joints.
+    equal. The splines are linear maps of coefficients, shape `(size, n)` for n joints.
 
     Args:
         before, after: durations [s].
@@ -49,12 +55,20 @@ class MotionSplines:
         ]
 
     def times(self, far: int, near: int) -> list[Array]:
-        """Return times in each interval, and both ends, before and after the impact.
+        """Return times before and after the impact: `near` or `far` in each interval, and ends.
 
-        There are `near` times in each interval that begins within `DENSE_TIME` of the impact, and
-        `far` in the others.
+        There are `near` in each interval that begins within `DENSE_TIME` of the impact.
         """
-        return [_between(grid, far, near) for grid in self.grids]
+        return [
+            np.concatenate([
+                *(
+                    np.linspace(a, b, near if min(abs(a), abs(b)) < DENSE_TIME else far, False)
+                    for a, b in pairwise(grid.tolist())
+                ),
+                grid[-1:],
+            ])
+            for grid in self.grids
+        ]  # fmt: skip
 
     def values(self, times: list[Array], order: int) -> Array:
         """Return the map from coefficients to a derivative at times before and after, stacked."""
@@ -81,16 +95,6 @@ class MotionSplines:
         return [BSpline(spline.t, spline.c @ coefficients, 3) for spline in self.splines]
 
 
-def _between(grid: Array, far: int, near: int) -> Array:
-    times = [
-        np.linspace(
-            begin, end, near if min(abs(begin), abs(end)) < DENSE_TIME else far, endpoint=False
-        )
-        for begin, end in pairwise(grid.tolist())
-    ]
-    return np.concatenate([*times, grid[-1:]])
-
-
 def per_joint(rows: Array, n: int, extra: int) -> Any:
     """Return a map of one joint for all n, as a sparse matrix with `extra` columns of 0."""
     blocks = sp.kron(sp.csr_matrix(rows), sp.eye(n))
@@ -111,14 +115,11 @@ SAME_TIME = 1e-12
 
 
 class Multipliers(NamedTuple):
-    """Multipliers of a solution.
+    """Multipliers of rows of speeds and of the impact, of bounds, of points, and of bodies.
 
-    Attributes:
-        speeds: of the rows of speeds.
-        impact: of the rows of the impact.
-        bounds: of those of the coefficients and the share.
-        points: of the rows of each point and of the bounds of its forces, shape `(points, k)`.
-        apart: conditions of bodies with the multiplier of each.
+    Those of `bounds` are of the coefficients and the share. Those of `points` are of the rows of
+    each point and of the bounds of its forces, shape `(points, k)`. `apart` has conditions of
+    bodies with the multiplier of each.
     """
 
     speeds: Array
@@ -163,15 +164,10 @@ def taken_over(
     empty: Multipliers,
     forces: int,
 ) -> tuple[Array, Array]:
-    """Return the multipliers of all rows and bounds that those of a solution give.
+    """Return the multipliers of all rows and bounds at moments [s] that a solution's give.
 
-    Args:
-        start: the solution.
-        moments: of the points, shape `(k,)` [s].
-        apart: conditions of bodies.
-        empty: multipliers of the sizes that the problem has, for a solution without any; `points`
-            has one row.
-        forces: number of forces of a point, whose bounds have the last columns of `points`.
+    `empty` are those of a solution without any, of the sizes that the problem has, with one row of
+    `points`. The bounds of the `forces` of a point have the last columns of `points`.
     """
     duals = start.multipliers or empty._replace(
         points=np.zeros((sum(map(len, start.times)), empty.points.shape[1]))
@@ -189,3 +185,137 @@ def taken_over(
     k = empty.points.shape[1] - forces
     rows = np.concatenate([duals.speeds, points[:, :k].ravel(), duals.impact, *of_apart])
     return rows, np.append(duals.bounds, points[:, k:])
+
+
+OPTIONS = {
+    "print_level": 0,
+    "sb": "yes",
+    "tol": 1e-3,
+    "dual_inf_tol": 0.1,
+    "nlp_scaling_method": "none",
+    "compl_inf_tol": 1e-3,
+    "linear_solver": "mumps",
+    "mumps_permuting_scaling": 0,
+    "mumps_pivot_order": 0,
+}
+"""Options of Ipopt that all solutions have. Without a permutation and with an ordering by least
+degree, factorizations take a third to a half of the time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of symbols with their bounds, and functions of their values and derivatives.
+
+    Attributes:
+        lower, upper: bounds, shape `(k,)`.
+        values: of rows and cost for unknowns z and parameters p.
+        jacobian: of the rows by z.
+        slope: of the cost by z.
+        hessian: by z, of the product of the rows with multipliers and of a weight of the cost.
+    """
+
+    lower: Array
+    upper: Array
+    values: Any
+    jacobian: Any
+    slope: Any
+    hessian: Any
+
+
+def make_rows(z: Any, p: Any, rows: Sequence[tuple[Any, float, float]], cost: Any) -> Rows:
+    """Return the functions of rows, each with the bounds of all its entries, and of a cost."""
+    stacked = ca.vertcat(*(row for row, _, _ in rows))
+    sizes = [row.numel() for row, _, _ in rows]
+    multipliers, weight = ca.SX.sym("multipliers", sum(sizes)), ca.SX.sym("weight")
+    lagrangian = ca.dot(multipliers, stacked) + weight * cost
+    return Rows(
+        np.repeat([low for _, low, _ in rows], sizes),
+        np.repeat([high for _, _, high in rows], sizes),
+        ca.Function("values", [z, p], [stacked, cost]),
+        ca.Function("jacobian", [z, p], [ca.jacobian(stacked, z)]),
+        ca.Function("slope", [z, p], [ca.densify(ca.gradient(cost, z))]),
+        ca.Function("hessian", [z, p, multipliers, weight], [ca.hessian(lagrangian, z)[0]]),
+    )
+
+
+class Block(NamedTuple):
+    """Rows at several points.
+
+    Attributes:
+        rows: of one point.
+        matrix: sparse map to the unknowns of all points, stacked.
+        parameters: of the points, shape `(m, points)`.
+        weights: of the costs of the points, shape `(points,)`.
+    """
+
+    rows: Rows
+    matrix: Any
+    parameters: Array
+    weights: Array
+
+
+class Cost(NamedTuple):
+    r"""A cost :math:`\frac12 (x - c)^T Q (x - c) + s^T x` of the first unknowns x: Q, c and s."""
+
+    quadratic: Any
+    centre: Array
+    slope: Array
+
+
+def block_solver(
+    blocks: Sequence[Block], linear: Any, cost: Cost, columns: int, options: dict[str, Any]
+) -> Any:
+    """Return Ipopt's solver for sparse linear rows, and for blocks of rows with their costs.
+
+    The `cost` comes on top. `options` are those of Ipopt besides `OPTIONS`.
+    """
+    quadratic, to_linear = _matrix(cost.quadratic, columns, columns), _matrix(linear, columns)
+    centre, slope = (_matrix(part[:, None], 1, columns) for part in (cost.centre, cost.slope))
+    sizes = [to_linear.size1(), *(len(block.rows.lower) * len(block.weights) for block in blocks)]
+    x, p, cost_weight = ca.MX.sym("x", columns), ca.MX.sym("p", 0), ca.MX.sym("weight")
+    multipliers = ca.MX.sym("multipliers", sum(sizes))
+    parts = ca.vertsplit(multipliers, np.cumsum([0, *sizes]).tolist())
+    total = 0.5 * ca.dot(x - centre, quadratic @ (x - centre)) + ca.dot(slope, x)
+    gradient, hessian = quadratic @ (x - centre) + slope, cost_weight * quadratic
+    constraints, jacobian = [to_linear @ x], [ca.MX(to_linear)]
+    for (rows, matrix, parameters, weights), part in zip(blocks, parts[1:], strict=True):
+        count, to_points = len(weights), _matrix(matrix, columns)
+        m = matrix.shape[0] // count
+        z, p_given, weight = (
+            ca.reshape(to_points @ x, m, count), ca.DM(parameters), ca.DM(weights).T
+        )  # fmt: skip
+        values, costs = rows.values.map(count)(z, p_given)
+        total += ca.dot(weight, costs)
+        slopes = rows.slope.map(count)(z, p_given) * ca.repmat(weight, m, 1)
+        gradient += to_points.T @ ca.vec(slopes)
+        constraints.append(ca.vec(values))
+        jacobians = ca.horzsplit(rows.jacobian.map(count)(z, p_given), m)
+        jacobian.append(ca.diagcat(*jacobians) @ to_points)
+        by_row = ca.reshape(part, len(rows.lower), count)
+        hessians = rows.hessian.map(count)(z, p_given, by_row, weight * cost_weight)
+        hessian += to_points.T @ (ca.diagcat(*ca.horzsplit(hessians, m)) @ to_points)
+    functions = {
+        "grad_f": ca.Function(
+            "nlp_grad_f", [x, p], [total, ca.densify(gradient)], ["x", "p"], ["f", "grad_f_x"]
+        ),
+        "jac_g": ca.Function(
+            "nlp_jac_g", [x, p], [ca.densify(ca.vertcat(*constraints)), ca.vertcat(*jacobian)],
+            ["x", "p"], ["g", "jac_g_x"],
+        ),
+        "hess_lag": ca.Function(
+            "nlp_hess_l", [x, p, cost_weight, multipliers], [ca.triu(hessian)],
+            ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"],
+        ),
+    }  # fmt: skip
+    problem = {"x": x, "p": p, "f": total, "g": ca.vertcat(*constraints)}
+    return ca.nlpsol("motion", "ipopt", problem, {
+        **functions, "print_time": False, "error_on_fail": False, "calc_lam_p": False,
+        "ipopt": {**OPTIONS, **options},
+    })  # fmt: skip
+
+
+def _matrix(matrix: Any, columns: int, rows: int | None = None) -> Any:
+    """Return a sparse matrix of scipy, with zeros added to its size, as one of CasADi."""
+    larger = sp.csc_matrix(matrix, copy=True)
+    larger.resize(rows or matrix.shape[0], columns)
+    return ca.DM(larger)

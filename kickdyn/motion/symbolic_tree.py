@@ -44,23 +44,12 @@ class SymbolicTree:
         return self._poses[joint][0]
 
     def point(self, joint: int, local: Array) -> Any:
-        """Return a point that a joint carries, shape `(3,)` [m, world frame].
-
-        Args:
-            joint: its number in the model.
-            local: the point in the joint's axes, shape `(3,)` [m].
-        """
+        """Return a point in a joint's axes, `(3,)`, in the world frame, shape `(3,)` [m]."""
         rotation, origin = self._poses[joint]
         return rotation @ ca.DM(local) + origin
 
     def seen_from(self, joint: int, carrier: int, local: Any) -> Any:
-        """Return a point that another joint carries, shape `(3,)` [m, axes of the first joint].
-
-        Args:
-            joint: in whose axes the point is.
-            carrier: of the point.
-            local: the point in the axes of its carrier, shape `(3,)` [m].
-        """
+        """Return a point in the axes of its carrier, `(3,)`, in those of a joint, `(3,)` [m]."""
         to_joint, to_carrier = (list(self.model.supports[j]) for j in (joint, carrier))
         while to_joint and to_carrier and to_joint[0] == to_carrier[0]:
             del to_joint[0], to_carrier[0]
@@ -87,9 +76,6 @@ class SymbolicTree:
         shape `(6,)`, is linear [N], then angular about the world's origin [N m, world frame]; it
         includes the weight of the root's body. Newton-Euler as Featherstone, Rigid Body Dynamics
         Algorithms, Table 5.1.
-
-        Args:
-            gravity: whether gravity acts.
         """
         model, v, a = self.model, self.v, self.a
         zero, pull = ca.SX(3, 1), ca.SX(ca.DM(-model.gravity.linear)) * float(gravity)

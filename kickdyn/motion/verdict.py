@@ -1,6 +1,5 @@
 """What a solution keeps on a grid finer than its points, and the motion that it is."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,8 +13,8 @@ from kickdyn.motion.limits import (
     RestingTorqueLimit,
     SpeedLimit,
     TorqueLimit,
+    least_by_name,
     when,
-    with_unit,
 )
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import MotionProblem
@@ -42,13 +41,7 @@ NAMED = 6
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """Distances from limits, see `Motion.margins`.
-
-    Attributes:
-        function: CasADi's, of q, v and a of joints, all rows stacked.
-        limits: of the rows.
-        joints: names of these joints.
-    """
+    """Distances from limits, by CasADi's function of q, v and a of joints, all rows stacked."""
 
     function: Any
     limits: Sequence[Limit]
@@ -60,11 +53,8 @@ class Margins:
 
     def margins(self, q: Array, v: Array, a: Array) -> dict[str, float]:
         """Return the least distance of each label."""
-        labels = [with_unit(label, limit) for limit in self.limits for label in limit.labels]
-        least: dict[str, float] = {}
-        for label, value in zip(labels, self.rows(q[None], v[None], a[None])[0], strict=True):
-            least[label] = min(float(value), least.get(label, math.inf))
-        return least
+        names = (name for limit in self.limits for name in limit.names)
+        return least_by_name(names, self.rows(q[None], v[None], a[None])[0].tolist())
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,13 +93,7 @@ SHIFTS = 0.6, 0.8, 1.0, 1.4, 2.0, 3.0
 def shift_weight(problem: MotionProblem, feet: Feet, last: Array) -> WeightShift | None:
     """Return the shortest shift of the weight that keeps all limits, or else the longest one.
 
-    Args:
-        problem: of the motion that begins and ends there.
-        feet: both feet.
-        last: posture at its end, shape `(n,)`.
-
-    Returns:
-        None if no posture has the weight between both feet.
+    It ends in the posture `last`; None if no posture has the weight between both feet.
     """
     limits, still = problem.limits_of_shift(), np.zeros(problem.n)
     force, moment = np.split(np.asarray(limits[0][0](last, still, still)[1]).ravel(), 2)
@@ -126,11 +110,7 @@ def shift_weight(problem: MotionProblem, feet: Feet, last: Array) -> WeightShift
 
 
 class Nearness:
-    """Bodies near each other, and near the ball before the impact, at times of a solution.
-
-    Attributes:
-        gaps: of them, at each time.
-    """
+    """The `gaps` of bodies, and of the ball before the impact, at each time of a solution."""
 
     def __init__(
         self,
@@ -139,7 +119,6 @@ class Nearness:
         times: list[Array],
         surroundings: Surroundings | None = None,
     ) -> None:
-        """Find them; `surroundings` are those of the problem, if not others."""
         self._surroundings = surroundings or problem.surroundings
         self._times = np.concatenate(times)
         self._q = problem.splines.values(times, 0) @ solution.coefficients
@@ -209,7 +188,8 @@ class Verdict:
         for limit, label, row in labels:
             worst = int(np.argmin(self.rows[:, row]))
             if self.rows[worst, row] < 0.0:
-                lines.append(limit.describe(label, float(self.rows[worst, row]), times[worst]))
+                breach = limit.breach(label, float(self.rows[worst, row]))
+                lines.append(f"{breach}, {when(times[worst])}")
         for _, label, row in self._labels(problem.impulse_limits):
             if self.impulse[row] < -1e-6:
                 lines.append(f"{label} is beyond its limit by {-self.impulse[row]:.2g}")

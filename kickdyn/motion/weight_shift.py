@@ -54,14 +54,12 @@ class Feet:
     other: Foot
 
     def following(self) -> NDArray[np.int64]:
-        """Return the indices of the six joints that follow, which are next to the kicking foot.
-
-        Raises:
-            InvalidInput: there are fewer.
-        """
-        model = self.leg.workspace.model
+        """Return the indices of the six joints that follow; refuse a limb that has fewer."""
+        model, robot = self.leg.workspace.model, self.standing.robot.workspace.model
+        support = robot.frames[frame_id(robot, self.standing.support.frame)].parentJoint
+        others = {str(robot.names[joint]) for joint in robot.supports[int(support)]}
         path = [int(joint) for joint in model.supports[self.leg.contact_joint]][1:]
-        limb = [joint for joint in path if not self._in_support(str(model.names[joint]))]
+        limb = [joint for joint in path if str(model.names[joint]) not in others]
         if len(limb) < 6:
             raise InvalidInput(
                 f"the kicking limb of {self.standing.robot.name} has {len(limb)} joints: a motion "
@@ -69,21 +67,11 @@ class Feet:
             )
         return np.array(limb[-6:]) - 1
 
-    def _in_support(self, name: str) -> bool:
-        model = self.standing.robot.workspace.model
-        number = frame_id(model, self.standing.support.frame)
-        joints = model.supports[int(model.frames[number].parentJoint)]
-        return name in {str(model.names[joint]) for joint in joints}
-
     def closed(self, q: Array) -> Array:
         """Return q with the joints that follow where they put the kicking foot on the ground."""
         model, data = self.leg.workspace.model, self.leg.workspace.data
-        columns, joint, target, q = (
-            self.following(),
-            self.leg.contact_joint,
-            self.other.pose,
-            q.copy(),
-        )
+        columns, joint, target = self.following(), self.leg.contact_joint, self.other.pose
+        q = q.copy()
         for _ in range(STEPS):
             pin.computeJointJacobians(model, data, q)
             rows = pin.getJointJacobian(model, data, joint, pin.LOCAL)
@@ -144,11 +132,9 @@ class WeightShift:
         ]
 
     def wrenches(self, wrench: Array, placement: Any) -> tuple[Array, Array]:
-        """Return the wrenches on the supporting and on the other foot from their sum, `(6,)` each.
+        """Return the wrenches on the supporting and the other foot, `(6,)` each, from their sum.
 
-        Args:
-            wrench: the sum, about the world's origin.
-            placement: `pin.SE3` of the supporting frame in the world.
+        `placement` is the `pin.SE3` of the supporting frame in the world.
         """
         turn = placement * self.feet.standing.placement.inverse()
         parts = split_wrench(turn.actInv(pin.Force(wrench)).vector, self.anchors)

@@ -13,12 +13,18 @@ import scipy.sparse as sp
 from tolerances import agrees, closed_form, differenced
 
 import kickdyn as kd
-from kickdyn.motion.impact_rows import TURN_SCALE
 from kickdyn.motion.impact_target import impact_target_for
-from kickdyn.motion.kick_task import KickTask
+from kickdyn.motion.kick_task import TURN_SCALE, KickTask
 from kickdyn.motion.motion_problem import SHARE, MotionProblem
-from kickdyn.motion.row_blocks import Block, Cost, block_solver, make_rows
-from kickdyn.motion.splines import MotionSplines, Multipliers, Solution
+from kickdyn.motion.splines import (
+    Block,
+    Cost,
+    MotionSplines,
+    Multipliers,
+    Solution,
+    block_solver,
+    make_rows,
+)
 from kickdyn.motion.verdict import Verdict
 from kickdyn.robot.collisions import TOUCHING, find_ball_overlaps
 from kickdyn.robot.standing import StandingRobot, joint_spheres

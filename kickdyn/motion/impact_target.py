@@ -115,10 +115,7 @@ class ImpactTarget(ReadOnlyArrays):
 
 
 def spin_change_limit(impulse: float, ball: Ball, contact: Contact) -> float:
-    r"""Return the largest change of spin with an impulse [N s] that sticks [rad/s].
-
-    It is :math:`r p \sin(\arctan\mu) / I`.
-    """
+    r"""Return :math:`r p \sin(\arctan\mu) / I`, the largest change of spin that sticks [rad/s]."""
     return math.sin(math.atan(contact.friction)) * ball.radius * impulse / ball.inertia
 
 

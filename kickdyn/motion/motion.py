@@ -45,11 +45,9 @@ class Limits(Protocol):
     @property
     def joints(self) -> Sequence[str]:
         """All joints that move or give way, in the order of q."""
-        ...
 
     def margins(self, q: Array, v: Array, a: Array) -> Mapping[str, float]:
         """Return the distance from each limit by its name, at q, v and a of `joints`."""
-        ...
 
 
 def settling(t: Array) -> Array:
@@ -148,9 +146,9 @@ class Motion(ReprMixin):
     @property
     def v_after(self) -> Array:
         """The velocity of the robot just after the impact, shape `(nv,)`."""
-        q, v = np.append(self.after(0.0), self._pushed_state(0.0)[0]), self.after(0.0, 1)
-        v = np.append(v, [*self.pushed.values()])
-        return self._on_robot(q, v, np.zeros_like(v))[1]
+        at_rest = self._every_state(0.0)[0][len(self.joints) :]
+        v = np.append(self.after(0.0, 1), [*self.pushed.values()])
+        return self._on_robot(np.append(self.after(0.0), at_rest), v, np.zeros_like(v))[1]
 
     def torque(self, t: float) -> Array:
         r"""Return the torques of the joints at a time [s], shape `(nv,)` [N m; N].
@@ -193,18 +191,13 @@ class Motion(ReprMixin):
             return q, np.zeros_like(q), np.zeros_like(q)
         return q, spline(time, 1), spline(time, 2)
 
-    def _pushed_state(self, t: float) -> Array:
-        """Return q, v and a of the joints that the impact has pushed, shape `(3, k)`."""
-        velocity = np.array([*self.pushed.values()])
-        states = np.multiply.outer(settling(np.array([t]))[:, 0] * (t > 0.0), velocity)
-        robot = self.robot
-        states[0] += [robot.joint_values(self._rest)[name] for name in self.pushed]
-        return np.asarray(states)
-
     def _every_state(self, t: float) -> tuple[Array, Array, Array]:
         """Return q, v and a of `joints` and of those that the impact pushes, `(n + k,)` each."""
-        pairs = zip(self.joint_state(t), self._pushed_state(t), strict=True)
-        q, v, a = (np.append(*pair) for pair in pairs)
+        velocity = np.array([*self.pushed.values()])
+        pushed = np.multiply.outer(settling(np.array([t]))[:, 0] * (t > 0.0), velocity)
+        rest = self.robot.joint_values(self._rest)
+        pushed[0] += [rest[name] for name in self.pushed]
+        q, v, a = map(np.append, self.joint_state(t), pushed)
         return q, v, a
 
     def margins(self, t: float) -> Mapping[str, float]:
@@ -279,11 +272,7 @@ class Motion(ReprMixin):
         Rows of `.csv` (without a header) are the position of a floating base [m, world frame], its
         quaternion xyzw and the joints in the order of the model; `.npz` has named arrays, `.yaml`
         a `trajectory_msgs/JointTrajectory` of ROS 2 and `.xml` keyframes of MuJoCo, for an
-        `<include>` in the robot's file.
-
-        Args:
-            file: its name.
-            rate: of the samples, 50 to 500 [Hz].
+        `<include>` in the robot's file. The rate of the samples is 50 to 500 Hz.
 
         Raises:
             InvalidInput: another ending, or a file that cannot be written.
@@ -347,8 +336,7 @@ class Motion(ReprMixin):
     @cached_property
     def _model(self) -> tuple[Any, Any]:
         """The model with gravity, which the workspace of a leg is without, and its data."""
-        model = self.robot.model
-        return model, model.createData()
+        return self.robot.model, self.robot.model.createData()
 
     @cached_property
     def _floats(self) -> bool:

@@ -122,11 +122,7 @@ def ranges_of(leg: Leg, names: Iterable[str]) -> Array:
 
 
 def write_motion(samples: MotionSamples, file: str | os.PathLike[str]) -> None:
-    """Write a motion in the format of the file's ending, one of `WRITERS`.
-
-    Raises:
-        InvalidInput: an ending of another format, or a file that cannot be written.
-    """
+    """Write a motion in the format of the file's ending, one of `WRITERS`."""
     writer = check_motion_name(file)
     with replacing(file) as draft:
         writer(samples, draft)

@@ -366,7 +366,7 @@ class _Search:
 
 
 def _starts(
-    problem: MotionProblem, motion: Motion | None, share: float
+    problem: MotionProblem, motion: Motion | None = None, share: float = 1.0
 ) -> Iterator[tuple[Array, Solution]]:
     """Yield postures at rest and unknowns to start from.
 

@@ -30,17 +30,17 @@ BASE_COLUMNS = 7
 
 
 class MotionTable(NamedTuple):
-    """What a file has of a motion.
+    """What a file has of a motion of k frames; None or empty is what it has not.
 
     Attributes:
         source: name of the file.
         joints: positions of the joints, shape `(k, n)`; of a CSV file, with the base before them.
-        root: position and quaternion of the base, shape `(k, 7)`; None without, or in `joints`.
-        quaternion: order of the quaternions in `root`; empty if the file does not say it.
-        names: of the joints, or of the columns of a CSV file; empty without.
-        rate: of the frames [Hz]; None without.
-        t: times, shape `(k,)` [s, impact at 0]; None without.
-        bodies: positions of bodies in the world, shape `(k, m, 3)` [m]; None without.
+        root: position and quaternion of the base, shape `(k, 7)`.
+        quaternion: order of the quaternions in `root`.
+        names: of the joints, or of the columns of a CSV file.
+        rate: of the frames [Hz].
+        t: times, shape `(k,)` [s, impact at 0].
+        bodies: positions of bodies in the world, shape `(k, m, 3)` [m].
     """
 
     source: str
@@ -57,29 +57,16 @@ class MotionTable(NamedTuple):
         return FaultyFile(self.source, [text])
 
 
-def read_table(file: str | os.PathLike[str]) -> MotionTable:
-    """Return the table of a file by its ending, one of `READERS`.
-
-    Raises:
-        InvalidInput: another ending.
-        FaultyFile: the file cannot be read, or has no motion.
-    """
-    ending = Path(file).suffix.lower()
-    if ending not in READERS:
-        raise InvalidInput(
-            f"{shortened(str(file))} has the extension {ending!r}: a motion is read from "
-            f"{' and '.join(READERS)} files"
-        )
-    return READERS[ending](file, str(file))
-
-
 def _read_csv(file: str | os.PathLike[str], source: str) -> MotionTable:
     text = read_text(file, source, LARGEST, FaultyFile)
     if not text.strip():
         raise FaultyFile(source, ["is empty"])
     head, _, _ = text.lstrip().partition("\n")
     names = tuple(word.strip().strip('"') for word in head.split(","))
-    has_header = not all(map(_is_number, names))
+    try:
+        has_header = not np.array(names, dtype=float).size
+    except ValueError:
+        has_header = True
     try:
         if "\n" not in text.strip():
             raise ValueError("a motion has several rows")
@@ -90,14 +77,6 @@ def _read_csv(file: str | os.PathLike[str], source: str) -> MotionTable:
         counts = f"{len(names)} names in its first line and {table.shape[1]} columns"
         raise FaultyFile(source, [f"has {counts}: each column needs a name"])
     return MotionTable(source, _finite(table, source, ""), names=names if has_header else ())
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _read_npz(file: str | os.PathLike[str], source: str) -> MotionTable:
@@ -223,7 +202,13 @@ def read_motion(
     if quaternion not in ("xyzw", "wxyz"):
         raise InvalidInput(f"quaternion is {quaternion!r}: it must be xyzw or wxyz")
     names = file_joints(robot)
-    table = _with_root(read_table(file), robot, len(names))
+    ending = Path(file).suffix.lower()
+    if ending not in READERS:
+        raise InvalidInput(
+            f"{shortened(str(file))} has the extension {ending!r}: a motion is read from "
+            f"{' and '.join(READERS)} files"
+        )
+    table = _with_root(READERS[ending](file, str(file)), robot, len(names))
     if len(table.joints) < LEAST_FRAMES:
         raise table.fault(f"has {len(table.joints)} frames: a motion needs at least {LEAST_FRAMES}")
     if rate is None and table.rate is None:
@@ -342,7 +327,7 @@ def _unit_root(table: MotionTable, quaternion: str) -> Array:
 
 
 def _check_angles(robot: Leg, table: MotionTable, joints: Array) -> None:
-    """Raise `FaultyFile` for angles beyond a turn, and beyond the range of their joint."""
+    """Refuse angles beyond a turn, and beyond the range of their joint."""
     names = file_joints(robot)
     for name, angles, bounds in zip(names, joints.T, ranges_of(robot, names), strict=True):
         row, reach = int(np.abs(angles).argmax()), np.abs(bounds).max()
@@ -361,7 +346,7 @@ def _excess(robot: Leg, joints: Array) -> Array:
 
 
 def _check_order(robot: Leg, table: MotionTable, joints: Array, breadthwise: Array) -> None:
-    """Raise `FaultyFile` if joints fit their ranges in breadth-first order only."""
+    """Refuse joints that fit their ranges in breadth-first order only."""
     excess = _excess(robot, joints)
     row, column = np.unravel_index(excess.argmax(), excess.shape)
     most = float(excess[row, column])
@@ -374,7 +359,7 @@ def _check_order(robot: Leg, table: MotionTable, joints: Array, breadthwise: Arr
 
 
 def _check_bodies(robot: Leg, table: MotionTable, q: Array, breadthwise: Array) -> None:
-    """Raise `FaultyFile` if joints are not where the file has bodies, at ten of its times."""
+    """Refuse joints that are not where the file has bodies, at ten of its times."""
     rows = np.unique(np.linspace(0, len(q) - 1, LEAST_FRAMES).astype(int))
     space, bodies = robot.workspace, np.asarray(table.bodies)
 

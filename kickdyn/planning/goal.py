@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -285,6 +285,7 @@ class PlannedLaunch(ReprMixin):
         spin: spin of the launch, shape `(3,)` [rad/s, world frame].
         ball: the ball.
         air: the air; None is the vacuum.
+        time: time to the target, or until a ball that rolls comes to rest before it [s].
     """
 
     status: PlanStatus
@@ -294,6 +295,7 @@ class PlannedLaunch(ReprMixin):
     spin: Array
     ball: Ball
     air: Air | None
+    time: float
 
     def __post_init__(self) -> None:
         freeze_arrays(vars(self))
@@ -319,27 +321,13 @@ class PlannedLaunch(ReprMixin):
         return BallState(velocity=self.velocity, spin=self.spin)
 
 
-class TimedLaunch(Protocol):
-    """A launch that meets a target at a time, or comes nearest to it for a reason, its limit."""
-
-    @property
-    def time(self) -> float:
-        """Time to the target [s]."""
-
-    @property
-    def limit(self) -> LaunchLimit | None:
-        """As of `PlannedLaunch`."""
-
-
-Planned = TypeVar("Planned", bound=TimedLaunch)
+Planned = TypeVar("Planned", bound=PlannedLaunch)
 
 
 def meet_receiver(goal: Goal, plan: Callable[[Goal], Planned]) -> Planned:
     """Return the launch towards a receiver who runs, by the secant method on the time of meeting.
 
-    Args:
-        goal: with a receiver who runs.
-        plan: function that returns the launch that meets a target at rest; it has a `time`.
+    `plan` returns the launch that meets a target at rest.
 
     Raises:
         InvalidInput: the ball does not catch up with the receiver.

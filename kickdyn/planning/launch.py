@@ -70,7 +70,6 @@ class Launch(PlannedLaunch):
     Attributes:
         reached: the goal that this launch meets: `goal` where the status is `met`, else the nearest
             there is.
-        time: time of the flight to the target [s].
         errors: errors of the target (3 components), of the condition beside it and of `beside`
             [m, s, m/s], shape `(4,)`, or `(5,)` with `beside`.
         history: launch velocities of Newton's method, shape `(iterations + 1, 3)` [m/s]. The first
@@ -80,7 +79,6 @@ class Launch(PlannedLaunch):
     """
 
     reached: Goal
-    time: float
     errors: Array
     history: Array
     limits: tuple[float, float]
@@ -339,9 +337,9 @@ def _nearest_curve(family: LaunchFamily) -> Launch:
 
 
 def _nearest(family: LaunchFamily, inside: list[LaunchSolution]) -> Launch:
-    """Return the member nearest to what the goal names that is clear of the ground.
+    """Return the member within limits nearest to what the goal names that is clear of the ground.
 
-    Where solutions exist, all of them lead through the ground. `inside` are members within limits.
+    Where solutions exist, all of them lead through the ground.
     """
     goal, ground_blocks = family.goal, bool(family.solutions)
 
@@ -350,37 +348,32 @@ def _nearest(family: LaunchFamily, inside: list[LaunchSolution]) -> Launch:
 
     nearest = min(inside, key=distance)
     if ground_blocks or not nearest.is_above_ground:
-        clear = family.above_ground()
+        clear, ground_blocks = family.above_ground(), True
         if not clear:
             raise OutOfReach(
                 "the goal is out of reach: the ground is in the way of every launch",
                 LaunchLimit.GROUND,
                 None,
             )
-        nearest, ground_blocks = min(clear, key=distance), True
+        nearest = min(clear, key=distance)
     nearest = family.refine(nearest)
     error, _ = nearest.condition(goal)
-    limit = LaunchLimit.GROUND if ground_blocks else _limit_of(family, nearest, error)
-    return _launch(family, _reached(goal, error, nearest.time), limit, nearest)
-
-
-def _reached(goal: Goal, error: float, time: float) -> Goal:
     if goal.over is not None:
-        return replace(goal, over=(goal.over[0], goal.over[1] + error))
-    if goal.time is not None or goal.apex == -error:  # many launches have their apex at the start
-        return replace(goal, apex=None, time=time)
-    return replace(goal, **{goal.kind: getattr(goal, goal.kind) + error})
-
-
-def _limit_of(family: LaunchFamily, nearest: LaunchSolution, error: float) -> LaunchLimit:
-    goal = family.goal
-    if goal.over is not None or goal.apex is not None:
-        return LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH
-    if goal.speed is not None and nearest.speed < family.speed_limit * (1 - 1e-6):
-        return LaunchLimit.LEAST_SPEED
-    if nearest.speed < 0.99 * family.speed_limit:
-        return LaunchLimit.SEARCH
-    return LaunchLimit.SPEED
+        reached = replace(goal, over=(goal.over[0], goal.over[1] + error))
+    elif goal.time is not None or goal.apex == -error:  # many launches have their apex at the start
+        reached = replace(goal, apex=None, time=nearest.time)
+    else:
+        reached = replace(goal, **{goal.kind: getattr(goal, goal.kind) + error})
+    limit = LaunchLimit.SPEED
+    if ground_blocks:
+        limit = LaunchLimit.GROUND
+    elif goal.over is not None or goal.apex is not None:
+        limit = LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH
+    elif goal.speed is not None and nearest.speed < family.speed_limit * (1 - 1e-6):
+        limit = LaunchLimit.LEAST_SPEED
+    elif nearest.speed < 0.99 * family.speed_limit:
+        limit = LaunchLimit.SEARCH
+    return _launch(family, reached, limit, nearest)
 
 
 def fly_to_target(

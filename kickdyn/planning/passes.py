@@ -61,11 +61,6 @@ class Pass(PlannedLaunch):
         return 0
 
     @property
-    def time(self) -> float:
-        """Time at which the ball comes to the target, or to rest before it [s]."""
-        return self.course.duration
-
-    @property
     def summary(self) -> str:
         """A line that says whether the goal is met, and if not, why."""
         if self.limit is None:
@@ -160,7 +155,10 @@ def plan_pass(
         status, obstacle = PlanStatus.MET, None
     else:
         status, obstacle = PlanStatus.UNREACHABLE, obstacle or LaunchLimit.BOUNCE
-    return Pass(status, goal, obstacle, velocity, goal.spin, ball, air, course, lateral_miss)
+    return Pass(
+        status, goal, obstacle, velocity, goal.spin, ball, air, course.duration, course,
+        lateral_miss,
+    )  # fmt: skip
 
 
 def _solve_speed(delay: Callable[[float], float], limit: float) -> tuple[float, LaunchLimit | None]:

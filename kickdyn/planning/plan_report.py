@@ -101,6 +101,7 @@ class PlanReport:
         restitution = describe_restitution(
             impact.contact.restitution, impact.restitution, impact.approach_speed
         )
+        joint, joint_impulse = impact.worst_joint
         lines = [
             *_launch_lines(plan),
             f"impact  contact point {_rounded(1e3 * abs(up), 1)} mm "
@@ -110,9 +111,8 @@ class PlanReport:
             f"foot speed {math.hypot(*impact.foot_velocity):.4f} m/s"
             f"{', ' if restitution else ''}{restitution}",
             f"leg     {_limit_use(plan.speed_use, plan.torque_use)} of the joints; "
-            f"largest joint impulse {impact.worst_joint[1]:.3g} N s, at "
-            f"{impact.worst_joint[0]}; objective {plan.objective} = {plan.value:.4g} "
-            f"{plan.objective.unit}",
+            f"largest joint impulse {joint_impulse:.3g} N s, at {joint}; "
+            f"objective {plan.objective} = {plan.value:.4g} {plan.objective.unit}",
         ]
         if leg.workspace.model.armature.any():
             masses = impact.posture.effective_mass_limits(impact.contact.normal).items()
@@ -168,13 +168,11 @@ class PlanReport:
         if plan.corrected_by:
             report["corrected_by"] = plan.corrected_by
         if plan.meeting is not None:
-            slopes = _landing_slopes(plan)
-            report["meeting"] = _meeting_json(plan.meeting)
+            slopes, meeting = _landing_slopes(plan), _meeting_json(plan.meeting)
             if isinstance(plan.goal, Goal):
-                report["meeting"]["target_position"] = plan.target_position.tolist()
-            report["meeting"]["landing_slopes"] = (
-                None if slopes is None else _attributes(slopes, "time velocity place")
-            )
+                meeting["target_position"] = plan.target_position.tolist()
+            meeting["landing_slopes"] = slopes and _attributes(slopes, "time velocity place")
+            report["meeting"] = meeting
             report["meetings"] = [_meeting_json(meeting) for meeting in plan.meetings]
         if self.wall is not None:
             above, beside, _ = passage_of(self.wall, plan) or (None, None, None)
@@ -207,27 +205,21 @@ def _describe_meeting(plan: KickPlan) -> list[str]:
     line += f"{_point(meeting.ball.position)} in the world frame"
     if isinstance(plan.goal, Goal):
         seen = math.dist(plan.target_position, meeting.incoming.state.position)
-        line += (
-            f", {math.hypot(*plan.goal.target):.4g} m from the target ({seen:.4g} m from where it "
-            "was seen)"
-        )
+        distance = math.hypot(*plan.goal.target)
+        line += f", {distance:.4g} m from the target ({seen:.4g} m from where it was seen)"
     possible, sought = sum(x.impact is not None for x in plan.meetings), len(plan.meetings)
     if sought > 1:
         others = {sought: "all of them", 1: "this one only"}.get(possible, f"{possible} of them")
         line += f"; kicks were sought for {sought} times and found for {others}"
-    lines = [line + "."]
-    slopes = _landing_slopes(plan)
+    lines, slopes = [line + "."], _landing_slopes(plan)
     if slopes is not None:
         texts = (
-            "foot {:.2g} ms early or late",
-            "ball's velocity {:.3g} mm/s off",
-            "ball's place {:.2g} mm off",
+            "the foot {:.2g} ms early or late",
+            "the ball's velocity {:.3g} mm/s off",
+            "the ball's place {:.2g} mm off",
         )
-        errors = [
-            f"the {text.format(1e3 * error)}"
-            for text, error in zip(texts, slopes.tolerances, strict=True)
-            if math.isfinite(error)
-        ]
+        pairs = zip(texts, slopes.tolerances, strict=True)
+        errors = [text.format(1e3 * error) for text, error in pairs if math.isfinite(error)]
         lines.append(
             "Each of these errors alone moves the ball by up to 10 cm at the target: "
             f"{', or '.join(errors)}."
@@ -272,25 +264,21 @@ def verdict(plan: KickPlan) -> str:
     """Return in a line whether the goal is met, and else where the kick ends."""
     if not isinstance(plan.goal, Goal):
         return _verdict_of_trap(plan)
-    path, after, place = plan.path, f"after {plan.path.duration:.4g} s", plan.goal.target
+    path, after = plan.path, f"after {plan.path.duration:.4g} s"
+    target = f"the target {_point(plan.goal.target)}"
     if plan.meeting is not None:
-        place, after = plan.target_position, f"{plan.path.duration:.4g} s after the kick"
-    target = f"the target {_point(place)}"
-    if plan.meeting is not None:
-        target += " in the world frame"
+        after = f"{plan.path.duration:.4g} s after the kick"
+        target = f"the target {_point(plan.target_position)} in the world frame"
+    error = distance_in_words(plan.landing_error)
     if plan.corrected_by:
         line = (
             f"The launch is corrected by {OBSERVERS[plan.corrected_by]}, for {target}; by an "
-            "impact without duration, the ball would miss it by "
-            f"{distance_in_words(plan.landing_error)}."
+            f"impact without duration, the ball would miss it by {error}."
         )
         return line + FAULTS[plan.status]
     if plan.share == 1.0:
-        line = (
-            f"The ball reaches {target} {after}; the computed impact and flight miss it by "
-            f"{distance_in_words(plan.landing_error)}."
-        )
-        return line + FAULTS[plan.status]
+        line = f"The ball reaches {target} {after}; the computed impact and flight miss it by "
+        return f"{line}{error}.{FAULTS[plan.status]}"
     if path.status == "at-plane":
         end = f"passes the target {after}, {plan.time_error:.3g} s too late"
     elif isinstance(path, Course):
@@ -301,10 +289,9 @@ def verdict(plan: KickPlan) -> str:
     missed = "" if plan.landing_error < 5e-4 else f", {plan.landing_error:.3g} m from the target"
     gives = f"{plan.share:.0%} of the speed that {target} requires"
     if plan.meeting is not None:
-        speeds = plan.impact.ball_after.speed, plan.launch.speed
         gives = (
             f"{plan.share:.0%} of the change of velocity that {target} requires, so that it leaves "
-            "with {:.3g} m/s in place of {:.3g} m/s".format(*speeds)
+            f"with {plan.impact.ball_after.speed:.3g} m/s in place of {plan.launch.speed:.3g} m/s"
         )
     return (
         f"The goal is beyond the limits of the leg{_limits(plan)}. Its hardest kick in this "
@@ -319,18 +306,13 @@ def _limits(plan: KickPlan) -> str:
 
 def unreachable_json(goal: Goal, error: OutOfReach) -> dict[str, Any]:
     """Return the output of `--json` for a goal that nothing meets."""
-    nearest = None
-    match error.nearest:
-        case Launch() as launch:
-            nearest = {**_goal_json(launch.reached), "launch_speed": launch.speed}
-        case Pass() as launch:
-            nearest = {"distance": launch.course.distance, "time": launch.time}
-    return {
-        "status": PlanStatus.UNREACHABLE,
-        "goal": _goal_json(goal),
-        "limit": error.limit,
-        "nearest": nearest,
-    }
+    nearest, launch = None, error.nearest
+    if isinstance(launch, Launch):
+        nearest = {**_goal_json(launch.reached), "launch_speed": launch.speed}
+    elif isinstance(launch, Pass):
+        nearest = {"distance": launch.course.distance, "time": launch.time}
+    status = PlanStatus.UNREACHABLE
+    return {"status": status, "goal": _goal_json(goal), "limit": error.limit, "nearest": nearest}
 
 
 def _least_friction(frame: str, plan: KickPlan) -> float | None:

@@ -200,7 +200,6 @@ def reach(
     validation.number("elevations", min(heights), at_least=0, unit="deg")
     if file is not None and Path(file).suffix.lower() != ".csv":
         raise InvalidInput(f"file is {os.fspath(file)!r}: a table of launches is written as .csv")
-    tell = progress or (lambda line: None)
     options = {"contact": contact, "ball_position": ball_position, "motion": motion}
     settings = {
         "robot": robot.name,
@@ -212,9 +211,10 @@ def reach(
         "air": repr(air),
         "tolerance": tolerance,
     }
+    rows: dict[tuple[float, float], ReachRow] = {}
     if file is not None:
         check_writable(file)
-    rows = {} if file is None else _read(file, settings)
+        rows = _read(file, settings)
     wanted = [(side, height) for side in sides for height in heights]
     for number, place in enumerate(wanted, start=1):
         if place in rows:
@@ -227,14 +227,23 @@ def reach(
             place: tuple[float, float] = place,
             where: str = where,
         ) -> KickPlan:
-            tell(f"{where}: {speed:.3g} m/s")
+            if progress is not None:
+                progress(f"{where}: {speed:.3g} m/s")
+            velocity = speed * _direction(place)
             if near is not None and near.motion is not None:
-                return replan_motion(near, speed * _direction(place))
-            goal = _goal(place, speed)
+                return replan_motion(near, velocity)
+            # the target in the vacuum to which this launch leads, however low it is
+            fall = 0.5 * GRAVITY * DESCRIBING_TIME * DESCRIBING_TIME
+            target = DESCRIBING_TIME * velocity - [0.0, 0.0, fall]
+            goal = Goal(target, time=DESCRIBING_TIME)
             return plan_kick(robot, goal, ball, None, **options)  # type: ignore[arg-type]
 
         row = _largest(plan, place, GROWTHS[motion], tolerance)
-        rows[place] = _with_distances(row, ball, air)
+        if row.speed > 0.0:
+            start = BallState((0.0, 0.0, ball.radius), row.speed * _direction(place))
+            paths = [follow(start, ball, air, Ground(0.0, name)) for name in SURFACES]
+            row = replace(row, carpet=paths[0].distance, turf=paths[1].distance)
+        rows[place] = row
         if file is not None:
             _write(file, settings, rows.values())
     found = tuple(rows[place] for place in wanted)
@@ -253,13 +262,6 @@ def _direction(place: tuple[float, float]) -> Array:
     side, height = np.radians(place)
     level = math.cos(height)
     return np.array([level * math.cos(side), level * math.sin(side), math.sin(height)])
-
-
-def _goal(place: tuple[float, float], speed: float) -> Goal:
-    """Return the goal in the vacuum that a launch meets, however low it is."""
-    target = DESCRIBING_TIME * speed * _direction(place)
-    target[2] -= 0.5 * GRAVITY * DESCRIBING_TIME * DESCRIBING_TIME
-    return Goal(target, time=DESCRIBING_TIME)
 
 
 def _largest(
@@ -312,17 +314,6 @@ def _why(plan: KickPlan) -> str:
     return plan.warnings[0].partition(";")[0] if plan.warnings else str(plan.status)
 
 
-def _with_distances(row: ReachRow, ball: Ball, air: Air | None) -> ReachRow:
-    """Return a row with the distances that its launch goes."""
-    if row.speed == 0.0:
-        return row
-    launch = BallState(
-        (0.0, 0.0, ball.radius), row.speed * _direction((row.azimuth, row.elevation))
-    )
-    carpet, turf = (follow(launch, ball, air, Ground(0.0, name)).distance for name in SURFACES)
-    return replace(row, carpet=carpet, turf=turf)
-
-
 def _write(file: str | os.PathLike[str], settings: Any, rows: Iterable[ReachRow]) -> None:
     text = io.StringIO()
     text.write(f"# {json.dumps(settings)}\n")
@@ -336,18 +327,19 @@ def _write(file: str | os.PathLike[str], settings: Any, rows: Iterable[ReachRow]
 def _read(
     file: str | os.PathLike[str], settings: Mapping[str, object]
 ) -> dict[tuple[float, float], ReachRow]:
-    """Return the rows of a file by azimuth and elevation; none where there is no file.
-
-    Raises:
-        InvalidInput: it is not such a file, or of other settings.
-    """
+    """Return the rows of a file by azimuth and elevation; none where there is no file."""
     source = str(file)
     if not Path(file).exists():
         return {}
     header, _, table = read_text(file, source, LARGEST_FILE, FaultyFile).partition("\n")
+    rows: dict[tuple[float, float], ReachRow] = {}
     try:
         written = json.loads(header.removeprefix("# "))
-        rows = [_row(entry) for entry in csv.DictReader(io.StringIO(table))]
+        for entry in csv.DictReader(io.StringIO(table)):
+            reason, beyond = entry.pop("reason"), entry.pop("beyond")
+            numbers = {name: float(value) for name, value in entry.items()}
+            row = ReachRow(**numbers, reason=reason, beyond=float(beyond) if beyond else None)
+            rows[row.azimuth, row.elevation] = row
     except (ValueError, KeyError, TypeError, RecursionError, csv.Error) as error:
         raise FaultyFile(source, [f"is not a table of kickdyn reach ({error})"]) from None
     if written != settings:
@@ -357,12 +349,4 @@ def _read(
             f"{source} contains the table of another {' and '.join(names)}: name another file, or "
             "delete this one"
         )
-    return {(row.azimuth, row.elevation): row for row in rows}
-
-
-def _row(entry: Mapping[str, str]) -> ReachRow:
-    numbers = {
-        name: float(entry[name]) for name in ("azimuth", "elevation", "speed", "carpet", "turf")
-    }
-    beyond = float(entry["beyond"]) if entry["beyond"] else None
-    return ReachRow(**numbers, beyond=beyond, reason=entry["reason"])
+    return rows

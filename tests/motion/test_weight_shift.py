@@ -57,7 +57,7 @@ def motion():
         with pytest.raises(kd.InvalidInput, match="enough"):
             kd.plan_kick(robot, kd.Goal(2, time=0.4), kd.Ball(), motion="both-feet")
     task, problem = tasks[0], plan_motion.motion_problem(tasks[0])
-    rest, _ = next(plan_motion._starts(problem, plan_motion._Near(None)))
+    rest, _ = next(plan_motion._starts(problem))
     knots = np.repeat([[-0.3, 0], [0, 0.3]], 4, 1)
     splines = [BSpline(t, np.tile(rest, (4, 1)), 3) for t in knots]
     place, shift = task.standing.placement, shift_weight(problem, problem.feet, rest)

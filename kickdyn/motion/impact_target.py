@@ -12,12 +12,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReadOnlyArrays, freeze_arrays
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.restitution import (
-    approach_speed,
-    check_invertible,
-    restitution_at,
-    restitution_slope,
-)
+from kickdyn.restitution import approach_speed, check_invertible, restitution_at, restitution_slope
 from kickdyn.robot.leg import Posture
 
 STICKING = 1e-9
@@ -134,11 +129,7 @@ def trapped_ball(wish: BallState, before: BallState, ball: Ball, contact: Contac
 
 
 def impact_target_for(
-    velocity: Array,
-    spin: Array,
-    ball: Ball,
-    contact: Contact,
-    before: BallState | None = None,
+    velocity: Array, spin: Array, ball: Ball, contact: Contact, before: BallState | None = None
 ) -> ImpactTarget:
     r"""Return the impact that gives a ball a velocity and a spin [m/s, rad/s].
 

@@ -70,33 +70,21 @@ TURN_SCALE = 10.0
 
 @dataclass(frozen=True, eq=False)
 class KickTask:
-    """The kick that a motion is planned for.
+    """The kick that a motion is planned for."""
 
-    Attributes:
-        robot: that kicks, in its own coordinates; on its support, if its base floats.
-        leg: the joints that move, on a fixed base: the supporting foot of a standing robot.
-        target: impulse and contact.
-        foot_directions: in which the foot can move at all, orthonormal rows, shape `(k, 3)`.
-        ball_rows: orthonormal directions in which the ball's position is given, shape `(k, 3)`.
-        ball_centre: that position, shape `(3,)` [m, world frame].
-        facing: rows a of the cone of normals with which the foot can meet a ball, shape `(k, 3)`
-            [frame of the contact joint].
-        standing: the robot on its foot; None on a fixed base.
-        muscles: whether the torque limits fall with speed, as those of muscles.
-        other: the kicking foot, where the motion starts and ends on both feet.
-        aside: angles of joints of `robot` that are not in `leg`, other than at rest.
-    """
-
-    robot: Leg
-    leg: Leg
-    target: ImpactTarget
-    foot_directions: Array
-    ball_rows: Array
-    ball_centre: Array
+    robot: Leg  # that kicks, in its own coordinates; on its support, if its base floats
+    leg: Leg  # the joints that move, on a fixed base: the supporting foot of a standing robot
+    target: ImpactTarget  # impulse and contact
+    foot_directions: Array  # in which the foot can move at all, orthonormal rows, shape `(k, 3)`
+    ball_rows: Array  # orthonormal directions in which the ball's position is given, shape `(k, 3)`
+    ball_centre: Array  # that position, shape `(3,)` [m, world frame]
+    # rows a of the cone of normals with which the foot can meet a ball, shape `(k, 3)` [frame of
+    # the contact joint]
     facing: Array
-    standing: StandingRobot | None
-    muscles: bool = False
-    other: Foot | None = None
+    standing: StandingRobot | None  # the robot on its foot; None on a fixed base
+    muscles: bool = False  # whether the torque limits fall with speed, as those of muscles
+    other: Foot | None = None  # the kicking foot, where the motion starts and ends on both feet
+    # angles of joints of `robot` that are not in `leg`, other than at rest
     aside: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -235,21 +223,13 @@ def _friction(standing: StandingRobot) -> float:
 
 
 class ImpactRows(NamedTuple):
-    """Rows of the impact.
+    """Rows of the impact."""
 
-    Attributes:
-        every: of q, v before, the jump of v, s, and w; all but w are of the joints that move.
-        posture: of q alone.
-        margins: CasADi's function of q and w: margins of the ground's limits.
-        jump: likewise of q: matrix and right side of the equations for w.
-        ball_centre: likewise of q: the centre of the ball that the foot touches.
-    """
-
-    every: Rows
-    posture: Rows
-    margins: Any
-    jump: Any
-    ball_centre: Any
+    every: Rows  # of q, v before, the jump of v, s, and w; all but w are of the joints that move
+    posture: Rows  # of q alone
+    margins: Any  # CasADi's function of q and w: margins of the ground's limits
+    jump: Any  # likewise of q: matrix and right side of the equations for w
+    ball_centre: Any  # likewise of q: the centre of the ball that the foot touches
 
 
 def impact_rows(

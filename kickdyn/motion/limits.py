@@ -58,22 +58,15 @@ LARGEST_TILT = math.radians(40)
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """A moment of the motion, or the impact, in CasADi's symbols or numbers.
+    """A moment of the motion, or the impact, in CasADi's symbols or numbers."""
 
-    Attributes:
-        tree: its kinematics, a `SymbolicTree`; limits of joints need its q and v only.
-        torque: of the joints, shape `(n,)` [N m; N].
-        wrench: of the ground on the root, force, then moment about the world's origin, `(6,)`
-            [N, N m]; in the impact, its impulse [N s, N m s].
-        size: of a large force or impulse [N or N s].
-        resting: torques of the joints at rest, shape `(k,)` [N m; N].
-    """
-
-    tree: Any
-    torque: Any
+    tree: Any  # its kinematics, a `SymbolicTree`; limits of joints need its q and v only
+    torque: Any  # of the joints, shape `(n,)` [N m; N]
+    # of the ground on the root, force, then moment about the world's origin, `(6,)` [N, N m]; in
+    # the impact, its impulse [N s, N m s]
     wrench: Any
-    size: float
-    resting: Any = None
+    size: float  # of a large force or impulse [N or N s]
+    resting: Any = None  # torques of the joints at rest, shape `(k,)` [N m; N]
 
 
 def when(time: float) -> str:
@@ -91,19 +84,13 @@ def least_by_name(names: Iterable[str], values: Iterable[float]) -> dict[str, fl
 
 
 class Limit(ABC):
-    """A limit of the motion.
+    """A limit of the motion."""
 
-    Attributes:
-        labels: a name for each row, for sentences.
-        unit: of the margins: `m`, `rad` or nothing for a share of the limit.
-        reserve: margin that the solver keeps at its points, for the times between them.
-        by_splines: whether the coefficients of the splines keep it at all times, so that the solver
-            needs no rows at its points.
-    """
-
-    labels: Sequence[str]
-    unit: str = ""
-    reserve: float = 0.0
+    labels: Sequence[str]  # a name for each row, for sentences
+    unit: str = ""  # of the margins: `m`, `rad` or nothing for a share of the limit
+    reserve: float = 0.0  # margin that the solver keeps at its points, for the times between them
+    # whether the coefficients of the splines keep it at all times, so that the solver needs no
+    # rows at its points
     by_splines: bool = False
 
     @property

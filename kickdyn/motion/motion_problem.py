@@ -34,12 +34,7 @@ from kickdyn.motion.limits import (
     TorqueLimit,
 )
 from kickdyn.motion.motion import settling
-from kickdyn.motion.separation import (
-    BALL_RESERVE,
-    RESERVE,
-    Conditions,
-    Surroundings,
-)
+from kickdyn.motion.separation import BALL_RESERVE, RESERVE, Conditions, Surroundings
 from kickdyn.motion.splines import (
     OPTIONS,
     TOLERANCE,

@@ -30,27 +30,17 @@ BASE_COLUMNS = 7
 
 
 class MotionTable(NamedTuple):
-    """What a file has of a motion of k frames; None or empty is what it has not.
+    """What a file has of a motion of k frames; None or empty is what it has not."""
 
-    Attributes:
-        source: name of the file.
-        joints: positions of the joints, shape `(k, n)`; of a CSV file, with the base before them.
-        root: position and quaternion of the base, shape `(k, 7)`.
-        quaternion: order of the quaternions in `root`.
-        names: of the joints, or of the columns of a CSV file.
-        rate: of the frames [Hz].
-        t: times, shape `(k,)` [s, impact at 0].
-        bodies: positions of bodies in the world, shape `(k, m, 3)` [m].
-    """
-
-    source: str
+    source: str  # name of the file
+    # positions of the joints, shape `(k, n)`; of a CSV file, with the base before them
     joints: Array
-    root: Array | None = None
-    quaternion: str = ""
-    names: tuple[str, ...] = ()
-    rate: float | None = None
-    t: Array | None = None
-    bodies: Array | None = None
+    root: Array | None = None  # position and quaternion of the base, shape `(k, 7)`
+    quaternion: str = ""  # order of the quaternions in `root`
+    names: tuple[str, ...] = ()  # of the joints, or of the columns of a CSV file
+    rate: float | None = None  # of the frames [Hz]
+    t: Array | None = None  # times, shape `(k,)` [s, impact at 0]
+    bodies: Array | None = None  # positions of bodies in the world, shape `(k, m, 3)` [m]
 
     def fault(self, text: str) -> FaultyFile:
         """Return the error of a fault of the file."""

@@ -42,17 +42,12 @@ class Gap(NamedTuple):
 
 
 class Conditions(NamedTuple):
-    """Conditions that bodies of two joints are apart.
+    """Conditions that bodies of two joints are apart."""
 
-    Attributes:
-        joints: that carry the bodies; the second one is -1 for the ball.
-        times: of the conditions, ascending, shape `(k,)` [s, impact at 0].
-        parameters: the point a and the normal in the axes of the first joint, and the point b in
-            the second one's, shape `(9, k)` [m]; for the ball, only the first three count.
-    """
-
-    joints: tuple[int, int]
-    times: Array
+    joints: tuple[int, int]  # that carry the bodies; the second one is -1 for the ball
+    times: Array  # of the conditions, ascending, shape `(k,)` [s, impact at 0]
+    # the point a and the normal in the axes of the first joint, and the point b in the second
+    # one's, shape `(9, k)` [m]; for the ball, only the first three count
     parameters: Array
 
 

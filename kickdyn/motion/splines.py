@@ -131,38 +131,23 @@ class Multipliers(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Unknowns that Ipopt returned, with the start of a next solution.
+    """Unknowns that Ipopt returned, with the start of a next solution."""
 
-    Attributes:
-        rest: posture near which both ends are, shape `(n,)`.
-        coefficients: of the splines, shape `(size, n)`.
-        share: of the launch.
-        times: of the points, before and after the impact [s].
-        multipliers: None if a solution does not start from those.
-        feasible: whether the rows are in their bounds, within `TOLERANCE`.
-        iterations: number of its iterations.
-        limited: joints at rest whose torques had rows.
-        linearized: coefficients at which the forces of joints that give way in the impact were
-            computed for its rows; None if a solution does not start from those.
-    """
-
-    rest: Array
-    coefficients: Array
-    share: float
-    times: list[Array]
-    multipliers: Multipliers | None = None
-    feasible: bool = True
-    iterations: int = 0
-    limited: tuple[str, ...] = ()
+    rest: Array  # posture near which both ends are, shape `(n,)`
+    coefficients: Array  # of the splines, shape `(size, n)`
+    share: float  # of the launch
+    times: list[Array]  # of the points, before and after the impact [s]
+    multipliers: Multipliers | None = None  # None if a solution does not start from those
+    feasible: bool = True  # whether the rows are in their bounds, within `TOLERANCE`
+    iterations: int = 0  # number of its iterations
+    limited: tuple[str, ...] = ()  # joints at rest whose torques had rows
+    # coefficients at which the forces of joints that give way in the impact were computed for its
+    # rows; None if a solution does not start from those
     linearized: Array | None = None
 
 
 def taken_over(
-    start: Solution,
-    moments: Array,
-    apart: Sequence[Conditions],
-    empty: Multipliers,
-    forces: int,
+    start: Solution, moments: Array, apart: Sequence[Conditions], empty: Multipliers, forces: int
 ) -> tuple[Array, Array]:
     """Return the multipliers of all rows and bounds at moments [s] that a solution's give.
 
@@ -204,22 +189,14 @@ degree, factorizations take a third to a half of the time."""
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows of symbols with their bounds, and functions of their values and derivatives.
+    """Rows of symbols with their bounds, and functions of their values and derivatives."""
 
-    Attributes:
-        lower, upper: bounds, shape `(k,)`.
-        values: of rows and cost for unknowns z and parameters p.
-        jacobian: of the rows by z.
-        slope: of the cost by z.
-        hessian: by z, of the product of the rows with multipliers and of a weight of the cost.
-    """
-
-    lower: Array
+    lower: Array  # bounds, shape `(k,)`
     upper: Array
-    values: Any
-    jacobian: Any
-    slope: Any
-    hessian: Any
+    values: Any  # of rows and cost for unknowns z and parameters p
+    jacobian: Any  # of the rows by z
+    slope: Any  # of the cost by z
+    hessian: Any  # by z, of the product of the rows with multipliers and of a weight of the cost
 
 
 def make_rows(z: Any, p: Any, rows: Sequence[tuple[Any, float, float]], cost: Any) -> Rows:
@@ -239,19 +216,12 @@ def make_rows(z: Any, p: Any, rows: Sequence[tuple[Any, float, float]], cost: An
 
 
 class Block(NamedTuple):
-    """Rows at several points.
+    """Rows at several points."""
 
-    Attributes:
-        rows: of one point.
-        matrix: sparse map to the unknowns of all points, stacked.
-        parameters: of the points, shape `(m, points)`.
-        weights: of the costs of the points, shape `(points,)`.
-    """
-
-    rows: Rows
-    matrix: Any
-    parameters: Array
-    weights: Array
+    rows: Rows  # of one point
+    matrix: Any  # sparse map to the unknowns of all points, stacked
+    parameters: Array  # of the points, shape `(m, points)`
+    weights: Array  # of the costs of the points, shape `(points,)`
 
 
 class Cost(NamedTuple):

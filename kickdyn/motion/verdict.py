@@ -59,26 +59,16 @@ class Margins:
 
 @dataclass(frozen=True, eq=False)
 class PlannedMotion:
-    """A motion, its share of the launch, and its use of the limits.
+    """A motion, its share of the launch, and its use of the limits."""
 
-    Attributes:
-        motion: with a line of warning for each limit that it does not keep.
-        share: share of the launch; 1 where all of it is reached.
-        torque_squared: integral of the mean of the squared torques over their limits [s].
-        torque_use, speed_use: largest torque and speed over their limits.
-        binding: names of the limits that are reached.
-        keeps_limits: whether it reaches the whole launch and keeps all limits.
-        broken: see `Verdict`.
-    """
-
-    motion: Motion
-    share: float
-    torque_squared: float
-    torque_use: float
+    motion: Motion  # with a line of warning for each limit that it does not keep
+    share: float  # share of the launch; 1 where all of it is reached
+    torque_squared: float  # integral of the mean of the squared torques over their limits [s]
+    torque_use: float  # largest torque and speed over their limits
     speed_use: float
-    binding: tuple[str, ...]
-    keeps_limits: bool
-    broken: float
+    binding: tuple[str, ...]  # names of the limits that are reached
+    keeps_limits: bool  # whether it reaches the whole launch and keeps all limits
+    broken: float  # see `Verdict`
 
     @property
     def rank(self) -> tuple[bool, bool, float]:

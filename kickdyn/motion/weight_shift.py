@@ -41,17 +41,11 @@ UNLOADED = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Feet:
-    """Both feet of a robot on the ground.
+    """Both feet of a robot on the ground."""
 
-    Attributes:
-        leg: the joints that move, on the supporting foot.
-        standing: the robot on its supporting foot.
-        other: its kicking foot.
-    """
-
-    leg: Leg
-    standing: StandingRobot
-    other: Foot
+    leg: Leg  # the joints that move, on the supporting foot
+    standing: StandingRobot  # the robot on its supporting foot
+    other: Foot  # its kicking foot
 
     def following(self) -> NDArray[np.int64]:
         """Return the indices of the six joints that follow; refuse a limb that has fewer."""
@@ -84,21 +78,14 @@ class Feet:
 
 @dataclass(frozen=True, eq=False)
 class WeightShift:
-    """From rest on both feet to rest on the supporting one, with the other on the ground.
+    """From rest on both feet to rest on the supporting one, with the other on the ground."""
 
-    Attributes:
-        feet: on the ground.
-        first, last: postures at both ends, shape `(n,)`.
-        anchors: points of both soles between which the force is shared, shape `(2, 2)` [m].
-        duration: of the shift [s].
-        limits: what it keeps: a function of CasADi, and the names of its rows, see `margins`.
-    """
-
-    feet: Feet
-    first: Array
+    feet: Feet  # on the ground
+    first: Array  # postures at both ends, shape `(n,)`
     last: Array
-    anchors: Array
-    duration: float
+    anchors: Array  # points of both soles between which the force is shared, shape `(2, 2)` [m]
+    duration: float  # of the shift [s]
+    # what it keeps: a function of CasADi, and the names of its rows, see `margins`
     limits: tuple[Any, tuple[str, ...]]
 
     def joint_state(self, t: float) -> tuple[Array, Array, Array]:

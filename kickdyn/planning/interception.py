@@ -83,10 +83,7 @@ class IncomingBall(ReprMixin):
     meet_at: float | Array | None
 
     def __init__(
-        self,
-        state: BallState,
-        ground: Ground | None = None,
-        meet_at: "ArrayLike | None" = None,
+        self, state: BallState, ground: Ground | None = None, meet_at: "ArrayLike | None" = None
     ) -> None:
         validation.check_type(BallState, state=state)
         validation.check_type(Ground, type(None), ground=ground)
@@ -172,20 +169,14 @@ def state_at(incoming: IncomingBall, course: Course, wait: float) -> BallState:
 
 
 class Reach(NamedTuple):
-    """The points at which the foot of a leg can be, roughly.
+    """The points at which the foot of a leg can be, roughly."""
 
-    Attributes:
-        centre: about which the limb turns, shape `(3,)` [m].
-        radius: largest distance of the ball's centre from there [m].
-        across: horizontal normal of the plane in which the foot of a leg moves that is turned
-            towards the launch, shape `(3,)`; None of another leg.
-        beside: distance of the plane from the vertical axis about which it is turned [m].
-    """
-
-    centre: Array
-    radius: float
+    centre: Array  # about which the limb turns, shape `(3,)` [m]
+    radius: float  # largest distance of the ball's centre from there [m]
+    # horizontal normal of the plane in which the foot of a leg moves that is turned towards the
+    # launch, shape `(3,)`; None of another leg
     across: Array | None
-    beside: float
+    beside: float  # distance of the plane from the vertical axis about which it is turned [m]
 
 
 def reach_of(leg: Leg, ball: Ball) -> Reach:

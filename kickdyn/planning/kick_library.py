@@ -250,11 +250,7 @@ class KickLibrary(ReprMixin):
                 )
 
     def kick(
-        self,
-        goal: Goal,
-        *,
-        ball_position: ArrayLike | None = None,
-        air: Air | None = None,
+        self, goal: Goal, *, ball_position: ArrayLike | None = None, air: Air | None = None
     ) -> "LibraryKick":
         """Return the kick that meets a goal, or why there is none.
 
@@ -294,11 +290,7 @@ class KickLibrary(ReprMixin):
         return LibraryKick(self, point, heading, reason, kick)
 
     def plan(
-        self,
-        goal: Goal,
-        *,
-        ball_position: ArrayLike | None = None,
-        air: Air | None = None,
+        self, goal: Goal, *, ball_position: ArrayLike | None = None, air: Air | None = None
     ) -> KickPlan:
         """Return the plan of the `kick` that meets a goal, as `plan_kick` with a motion returns it.
 

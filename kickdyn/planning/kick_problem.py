@@ -75,29 +75,18 @@ AnyTerm = TypeVar("AnyTerm", bound=Term[KickPoint])
 
 @dataclass(frozen=True, eq=False)
 class KickProblem:
-    """The problem of a kick.
+    """The problem of a kick."""
 
-    Attributes:
-        robot: that kicks; turned by `heading` [rad] to the left about the vertical.
-        limb: the kicking limb of the robot with all that branches off it, on a fixed base.
-        variables: the unknowns.
-        foot_directions: in which the foot can move at all, orthonormal rows, shape `(k, 3)`.
-        terms: the conditions and bounds, without an objective.
-        drawn: postures that are drawn, shape `(m, n)` [rad; m for prismatic joints].
-        heading: see `robot`.
-        standing: the robot on its foot; None for a leg on a fixed base.
-        pairs: bodies that can come near the ball, each with it.
-    """
-
-    robot: Leg
+    robot: Leg  # that kicks; turned by `heading` [rad] to the left about the vertical
+    # the kicking limb of the robot with all that branches off it, on a fixed base
     limb: KickingChain
-    variables: KickVariables
-    foot_directions: Array
-    terms: tuple[Term[KickPoint], ...]
-    drawn: Array
-    heading: float = 0.0
-    standing: StandingRobot | None = None
-    pairs: Sequence[tuple[Body, None]] = ()
+    variables: KickVariables  # the unknowns
+    foot_directions: Array  # in which the foot can move at all, orthonormal rows, shape `(k, 3)`
+    terms: tuple[Term[KickPoint], ...]  # the conditions and bounds, without an objective
+    drawn: Array  # postures that are drawn, shape `(m, n)` [rad; m for prismatic joints]
+    heading: float = 0.0  # see `robot`
+    standing: StandingRobot | None = None  # the robot on its foot; None for a leg on a fixed base
+    pairs: Sequence[tuple[Body, None]] = ()  # bodies that can come near the ball, each with it
 
     def on_robot(self, point: KickPoint) -> tuple[Array, Array]:
         """Return q and v of the robot at a point, shapes `(nq,)` and `(nv,)`."""
@@ -421,10 +410,7 @@ def _check_sliding(variables: KickVariables, directions: Array) -> None:
 
 
 def _place_ball(
-    variables: KickVariables,
-    directions: Array,
-    position: float | Array,
-    draw: np.random.Generator,
+    variables: KickVariables, directions: Array, position: float | Array, draw: np.random.Generator
 ) -> BallPosition:
     if isinstance(position, float | int):
         return BallPosition(variables, np.array([0.0, 0.0, position]), np.array([[0.0, 0.0, 1.0]]))

@@ -70,18 +70,13 @@ ARRAYS = {
 
 
 class InterpolatedKick(NamedTuple):
-    """A kick from a library.
+    """A kick from a library."""
 
-    Attributes:
-        coefficients: of the splines, shape `(size, moving joints)`.
-        q, v_before, v_after: of all joints at the impact, shape `(n,)` each [rad, rad/s; m, m/s].
-        margins: least distance from each limit among the motions checked in the cell.
-    """
-
-    coefficients: Array
-    q: Array
+    coefficients: Array  # of the splines, shape `(size, moving joints)`
+    q: Array  # of all joints at the impact, shape `(n,)` each [rad, rad/s; m, m/s]
     v_before: Array
     v_after: Array
+    # least distance from each limit among the motions checked in the cell
     margins: dict[str, float]
 
 

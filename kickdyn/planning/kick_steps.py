@@ -168,23 +168,17 @@ def launch_for(
 
 @dataclass(frozen=True, eq=False)
 class ImpactTask:
-    """What the foot must do to a ball at rest, or to one that is met at a time.
+    """What the foot must do to a ball at rest, or to one that is met at a time."""
 
-    Attributes:
-        settings: of the kick.
-        goal: seen from where the ball is struck; of a trap, the motion that is wished.
-        launch: that meets the goal; of a trap, the motion that the ball can get.
-        target: impulse and contact, with the ball just before.
-        place: position or height of the ball's centre [m, world frame]; None is free.
-        incoming: the ball as it was seen; None of a ball at rest.
-    """
-
-    settings: KickSettings
+    settings: KickSettings  # of the kick
+    # seen from where the ball is struck; of a trap, the motion that is wished
     goal: Goal | BallState
+    # that meets the goal; of a trap, the motion that the ball can get
     launch: Launch | Pass | BallState
-    target: ImpactTarget
+    target: ImpactTarget  # impulse and contact, with the ball just before
+    # position or height of the ball's centre [m, world frame]; None is free
     place: float | Array | None
-    incoming: IncomingBall | None = None
+    incoming: IncomingBall | None = None  # the ball as it was seen; None of a ball at rest
 
     @classmethod
     def make(

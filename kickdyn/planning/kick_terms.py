@@ -112,15 +112,10 @@ class KickVariables:
 
 @dataclass(frozen=True, eq=False)
 class KickPoint:
-    """The unknowns of a kick with the posture and the velocities that follow from them.
+    """The unknowns of a kick with the posture and the velocities that follow from them."""
 
-    Attributes:
-        variables: which unknowns these are.
-        x: unknowns, shape `(2n + 1,)`.
-    """
-
-    variables: KickVariables
-    x: Array
+    variables: KickVariables  # which unknowns these are
+    x: Array  # unknowns, shape `(2n + 1,)`
 
     @cached_property
     def posture(self) -> Posture:

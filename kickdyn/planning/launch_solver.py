@@ -46,23 +46,16 @@ class ShootingProblem:
 
     The unknowns are the launch velocity [m/s, world frame], the size of the spin along its axis
     where it is sought [rad/s], and the time of flight [s]; shape `(4,)` or `(5,)`.
-
-    Attributes:
-        ball: the ball.
-        air: the air; None is the vacuum.
-        spin: the spin, shape `(3,)` [rad/s]; with `seeks_spin` its axis, a unit vector.
-        seeks_spin: whether the size of the spin is an unknown.
-        struck: the ball before it is struck, which keeps its spin along the impulse; None if
-            the spin is as given.
-        tol: tolerance of the integration, relative to the flight's length and speed.
     """
 
-    ball: Ball
-    air: Air | None
-    spin: Array
-    seeks_spin: bool = False
+    ball: Ball  # the ball
+    air: Air | None  # the air; None is the vacuum
+    spin: Array  # the spin, shape `(3,)` [rad/s]; with `seeks_spin` its axis, a unit vector
+    seeks_spin: bool = False  # whether the size of the spin is an unknown
+    # the ball before it is struck, which keeps its spin along the impulse; None if the spin is as
+    # given
     struck: BallState | None = None
-    tol: float = 1e-12
+    tol: float = 1e-12  # tolerance of the integration, relative to the flight's length and speed
 
     def sizes(self, unknowns: Array) -> Array:
         """Return scales of the unknowns."""
@@ -162,21 +155,14 @@ def _root(value: Callable[[float], float], begin: float, end: float) -> float | 
 
 @dataclass(frozen=True, eq=False)
 class LaunchSolution:
-    """The launch at which Newton's method arrived.
+    """The launch at which Newton's method arrived."""
 
-    Attributes:
-        unknowns: those of the `ShootingProblem`.
-        errors: of the target (3 components), of the condition beside it, and of `beside`.
-        history: launch velocities, the first guess first, shape `(k, 3)` [m/s].
-        trajectory: the flight with its derivatives by launch velocity and spin size.
-        slopes: derivatives of the errors by the unknowns, a square matrix.
-    """
-
-    unknowns: Array
-    errors: Array
-    history: Array
+    unknowns: Array  # those of the `ShootingProblem`
+    errors: Array  # of the target (3 components), of the condition beside it, and of `beside`
+    history: Array  # launch velocities, the first guess first, shape `(k, 3)` [m/s]
+    # the flight with its derivatives by launch velocity and spin size
     trajectory: DifferentiableFlight
-    slopes: Array
+    slopes: Array  # derivatives of the errors by the unknowns, a square matrix
 
     @property
     def velocity(self) -> Array:

@@ -50,39 +50,25 @@ FACING = 1e-3
 
 
 class Found(NamedTuple):
-    """A motion, or why there is none.
+    """A motion, or why there is none."""
 
-    Attributes:
-        reason: why it does not keep all limits; empty if it does.
-        margins: least distances from the limits, in the order of `labels_of`, shape `(k,)`.
-        solution: of the motion, by `solution_arrays`; empty without one.
-    """
-
-    reason: str
-    margins: Array
-    solution: dict[str, Any]
+    reason: str  # why it does not keep all limits; empty if it does
+    margins: Array  # least distances from the limits, in the order of `labels_of`, shape `(k,)`
+    solution: dict[str, Any]  # of the motion, by `solution_arrays`; empty without one
 
 
 @dataclass(eq=False)
 class Kicks:
-    """What all kicks of a library share.
+    """What all kicks of a library share."""
 
-    Attributes:
-        robot: that kicks.
-        ball: at rest.
-        contact: restitution and friction.
-        height: of the ball's centre [m].
-        joints: that move; empty before the first motion is planned.
-        aside: values of joints that do not move, other than at rest.
-        near: coefficients of the first motion, near which all others are; None before it.
-    """
-
-    robot: Leg
-    ball: Ball
-    contact: Contact
-    height: float
-    joints: tuple[str, ...] = ()
+    robot: Leg  # that kicks
+    ball: Ball  # at rest
+    contact: Contact  # restitution and friction
+    height: float  # of the ball's centre [m]
+    joints: tuple[str, ...] = ()  # that move; empty before the first motion is planned
+    # values of joints that do not move, other than at rest
     aside: dict[str, float] = field(default_factory=dict)
+    # coefficients of the first motion, near which all others are; None before it
     near: Array | None = None
     _like: Any = field(default=None, init=False)
     _reader: KickReader | None = field(default=None, init=False)

@@ -29,13 +29,7 @@ from kickdyn.planning.interception import (
     waits_in_reach,
 )
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.kick_problem import (
-    KickProblem,
-    best_from,
-    keep_above,
-    keep_apart,
-    solve_kick,
-)
+from kickdyn.planning.kick_problem import KickProblem, best_from, keep_above, keep_apart, solve_kick
 from kickdyn.planning.kick_steps import (
     STRONGEST,
     ImpactTask,

@@ -57,19 +57,15 @@ class Kind(StrEnum):
 
 
 class Term(ABC, Generic[Point]):
-    """An objective, a condition or bounds of a problem.
+    """An objective, a condition or bounds of a problem."""
 
-    Attributes:
-        kind: objective, equality, inequality or bound.
-        required: whether the condition must be kept. One that is not required is left out where no
-            solution keeps it.
-        explanation: end of the sentence "there is no solution; ...", where there is one without
-            this term; empty for a term without which the problem has no meaning. Terms with the
-            same explanation are left out together.
-    """
-
-    kind: Kind
+    kind: Kind  # objective, equality, inequality or bound
+    # whether the condition must be kept. One that is not required is left out where no solution
+    # keeps it
     required: bool = True
+    # end of the sentence "there is no solution; ...", where there is one without this term; empty
+    # for a term without which the problem has no meaning. Terms with the same explanation are left
+    # out together
     explanation: str = ""
 
     def binding(self, point: Point) -> list[str]:
@@ -78,16 +74,11 @@ class Term(ABC, Generic[Point]):
 
 
 class Function(Term[Point]):
-    """A term with a value and a slope.
+    """A term with a value and a slope."""
 
-    Attributes:
-        scale: size of a large violation, in the unit of the value.
-        margin: distance from 0 that solvers keep to an inequality, over the scale.
-        rates_starts: whether its violation counts where points to start from are compared.
-    """
-
-    scale: float = 1.0
-    margin: float = 0.0
+    scale: float = 1.0  # size of a large violation, in the unit of the value
+    margin: float = 0.0  # distance from 0 that solvers keep to an inequality, over the scale
+    # whether its violation counts where points to start from are compared
     rates_starts: bool = True
 
     @abstractmethod
@@ -110,30 +101,20 @@ class Function(Term[Point]):
 
 
 class Bounds(Term[Point]):
-    """A term that bounds unknowns.
-
-    Attributes:
-        lower, upper: bounds of all unknowns, shape `(n,)`, infinite where there is none.
-    """
+    """A term that bounds unknowns."""
 
     kind = Kind.BOUND
-    lower: Array
+    lower: Array  # bounds of all unknowns, shape `(n,)`, infinite where there is none
     upper: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Problem(Generic[Point]):
-    """Unknowns and the terms on them.
+    """Unknowns and the terms on them."""
 
-    Attributes:
-        size: number of unknowns n.
-        point: makes from unknowns, shape `(n,)`, what the terms evaluate.
-        terms: one objective, conditions and bounds, in any order.
-    """
-
-    size: int
-    point: Callable[[Array], Point]
-    terms: tuple[Term[Point], ...]
+    size: int  # number of unknowns n
+    point: Callable[[Array], Point]  # makes from unknowns, shape `(n,)`, what the terms evaluate
+    terms: tuple[Term[Point], ...]  # one objective, conditions and bounds, in any order
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:

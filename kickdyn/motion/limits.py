@@ -17,7 +17,7 @@ They hold for the impulse of the ground in the impact too.
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -72,15 +72,6 @@ class Sample:
 def when(time: float) -> str:
     """Return a time from the impact on in words [s]."""
     return f"{1e3 * abs(time):.0f} ms {'before' if time < 0.0 else 'after'} the impact"
-
-
-def least_by_name(names: Iterable[str], values: Iterable[float]) -> dict[str, float]:
-    """Return the least of the finite values of each name."""
-    least: dict[str, float] = {}
-    for name, value in zip(names, values, strict=True):
-        if math.isfinite(value):
-            least[name] = min(value, least.get(name, math.inf))
-    return least
 
 
 class Limit(ABC):
@@ -374,14 +365,7 @@ def margins_of(
 
     Joints keep `TorqueLimit`, `SpeedLimit` and `RangeLimit`; the ground `Pressure`, `Friction`,
     `PressureCentre` and `Twist`, on the hull of all soles that stand; bodies are not under the
-    ground (`find_depths`) nor inside each other (`find_self_collisions`).
-
-    Args:
-        motion: with q, v and a.
-        robot: that moves.
-        forces: of the motion.
-        ground: height of the ground [m].
-        friction: Coulomb's coefficient of the ground.
+    ground, at a height [m] (`find_depths`), nor inside each other (`find_self_collisions`).
     """
     names = robot.single_joints
     columns = [robot.velocity_index(name) for name in names]

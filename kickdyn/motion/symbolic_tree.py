@@ -29,7 +29,7 @@ class SymbolicTree:
     def __init__(self, model: Any, state: Sequence[Any] | None = None) -> None:
         self.model = model
         self.q, self.v, self.a = state or (ca.SX.sym(name, model.nv) for name in "qva")
-        self._axes = [_axis(model, joint) for joint in range(1, model.njoints)]
+        self._axes = [joint_axis(model, joint) for joint in range(1, model.njoints)]
         self._steps = [
             _step(model.jointPlacements[joint], *self._axes[joint - 1], self.q[joint - 1])
             for joint in range(1, model.njoints)
@@ -125,7 +125,7 @@ def _step(fixed: Any, linear: Array, turn: Array, angle: Any) -> tuple[Any, Any]
     return rotation @ about, ca.SX(ca.DM(fixed.translation))
 
 
-def _axis(model: Any, joint: int) -> tuple[Array, Array]:
+def joint_axis(model: Any, joint: int) -> tuple[Array, Array]:
     """Return the linear and the angular part of a joint's axis, in its own frame."""
     data = model.joints[joint].createData()
     model.joints[joint].calc(data, np.zeros(model.nq), np.ones(model.nv))

@@ -13,14 +13,13 @@ from kickdyn.motion.limits import (
     RestingTorqueLimit,
     SpeedLimit,
     TorqueLimit,
-    least_by_name,
     when,
 )
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import MotionProblem
 from kickdyn.motion.separation import ALLOWED, Conditions, Surroundings
 from kickdyn.motion.splines import Solution, integration_weights
-from kickdyn.motion.weight_shift import Feet, WeightShift
+from kickdyn.motion.weight_shift import Feet, WeightShift, least_by_name
 
 POINTS, FINER = (2, 4), 10
 """Points of the solver in each interval far from the impact and near it, and how much finer limits

@@ -12,6 +12,7 @@ share :math:`\lambda` of the force, from 0 to 1, for which the offset e is the s
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -138,19 +139,13 @@ class WeightShift:
         rows = pin.getJointJacobian(space.model, space.data, joint, pin.LOCAL)
         torque -= rows.T @ space.data.oMi[joint].actInv(pin.Force(parts[1])).vector
         values = np.asarray(distances(q, v, a, torque, *parts)).ravel()
-        least: dict[str, float] = {}
-        for label, value in zip(labels, values.tolist(), strict=True):
-            if math.isfinite(value):
-                least[label] = min(value, least.get(label, math.inf))
-        return least
+        return least_by_name(labels, values.tolist())
 
 
 def split_wrench(wrench: Array, anchors: Array) -> tuple[Array, Array]:
-    """Return the wrenches on the supporting and on the other foot, `(6,)` each.
+    """Return the wrenches on the supporting and on the other foot, `(6,)` each, from their sum.
 
-    Args:
-        wrench: their sum, about the world's origin.
-        anchors: the points c of both soles, shape `(2, 2)` [m].
+    The wrench is about the world's origin; `anchors` are the points c of both soles, `(2, 2)` [m].
     """
     force, moment = np.split(wrench, 2)
     centre = np.array([-moment[1], moment[0]]) / force[2]
@@ -164,3 +159,12 @@ def split_wrench(wrench: Array, anchors: Array) -> tuple[Array, Array]:
         for part, place in zip((1.0 - share, share), anchors + offset, strict=True)
     ]
     return parts[0], parts[1]
+
+
+def least_by_name(names: Iterable[str], values: Iterable[float]) -> dict[str, float]:
+    """Return the least of the finite values of each name."""
+    least: dict[str, float] = {}
+    for name, value in zip(names, values, strict=True):
+        if math.isfinite(value):
+            least[name] = min(value, least.get(name, math.inf))
+    return least

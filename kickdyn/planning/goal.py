@@ -209,9 +209,8 @@ class Goal(ReprMixin):
     def seen_from(self, moved: Array, delay: float) -> "Goal":
         """Return the same goal for a ball that starts elsewhere and later.
 
-        Args:
-            moved: displacement of the start, shape `(3,)` [m].
-            delay: time by which the ball starts later, for a receiver who runs [s].
+        The start is moved by a displacement, shape `(3,)` [m]; the delay [s] counts for a receiver
+        who runs.
         """
         moved = validation.vector("moved", moved, 3, unit="m")
         delay = validation.number("delay", delay, unit="s")

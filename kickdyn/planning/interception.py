@@ -6,7 +6,9 @@ meeting is one time on this path.
 
 import math
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -139,10 +141,7 @@ class IncomingBall(ReprMixin):
     def course(self, ball: Ball, air: Air | None, longest: float = LONGEST_WAIT) -> Course:
         """Return the path of the ball as if nobody kicked it.
 
-        Args:
-            ball: the ball.
-            air: the air; None is the vacuum.
-            longest: time for which each flight, and rolling, is followed at most [s].
+        Each flight, and rolling, is followed for the longest time [s] at most.
         """
         return follow(self.state, ball, air, self.ground, FOLLOW_TOL, time_limit=longest)
 
@@ -151,13 +150,11 @@ def _level_under(leg: Leg) -> float:
     """Return the height of the straight leg's foot, or of the lowest body beside the leg [m]."""
     model, level = leg.model, float(leg.posture(leg.configuration()).contact_point[2])
     limb = set(model.subtrees[model.supports[leg.contact_joint][1]])
-    depths = find_depths(leg, rest_configuration(leg), level)
-    frames = frames_by_name(model)
+    depths, frames = find_depths(leg, rest_configuration(leg), level), frames_by_name(model)
     beside = [
-        depth
-        for name, depth in depths.items()
+        depth for name, depth in depths.items()
         if model.frames[frames[name]].parentJoint not in limb
-    ]
+    ]  # fmt: skip
     return level - max(beside, default=0.0)
 
 
@@ -222,8 +219,7 @@ def waits_in_reach(
         escaping: function of a time [s] that returns how the ball escapes, to end a sentence.
 
     Raises:
-        InvalidInput: the ball never comes within reach, or only behind the leg, or is not at
-            `meet_at`.
+        InvalidInput: the ball is never within reach, or only behind the leg, or not at `meet_at`.
     """
     times = _times_on_path(incoming, course, reach, radius)
     states = course.sample(times)
@@ -262,11 +258,12 @@ def waits_in_reach(
         return np.asarray(waits)
     places = states.position[within[inside]]
     lateral = ahead[inside, 0] * places[:, 1] - ahead[inside, 1] * places[:, 0] - reach.beside
+    if np.abs(lateral).max() <= BESIDE:
+        return np.asarray(waits)
     crossed = np.flatnonzero(lateral[:-1] * lateral[1:] < 0.0)
     margin = max(3, int(CROSSING_SHARE * tried.size))
     ends = [np.clip(crossed + step, 0, tried.size - 1) for step in (-margin, margin + 1)]
-    crossings = tried[np.concatenate(ends)] if np.abs(lateral).max() > BESIDE else tried[:0]
-    return np.asarray(np.union1d(waits, crossings))
+    return np.union1d(waits, tried[np.concatenate(ends)])
 
 
 def _times_on_path(incoming: IncomingBall, course: Course, reach: Reach, radius: float) -> Array:
@@ -285,22 +282,16 @@ def _times_on_path(incoming: IncomingBall, course: Course, reach: Reach, radius:
             )
         return np.array([wait])
     times = np.linspace(0.0, last, SAMPLES if last > 0.0 else 1)
-    times = _refined(course, times, reach, radius)
-    if incoming.meet_at is None:
-        return times
-    return np.array([_passing(course, times, np.asarray(incoming.meet_at))])
-
-
-def _refined(course: Course, times: Array, reach: Reach, radius: float) -> Array:
-    """Return times between which a fast ball goes no far way where it may be within reach [s]."""
     places = np.asarray(course.sample(times).position)
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     distances = np.linalg.norm(places - reach.centre, axis=1)
     reachable = np.minimum(distances[:-1], distances[1:]) <= reach.radius + steps
     far = np.flatnonzero(reachable & (steps > 2.0 * radius))
-    if not far.size:
+    if far.size:  # a fast ball goes no far way between times where it may be within reach
+        times = np.union1d(times, np.linspace(times[far[0]], times[far[-1] + 1], SAMPLES))
+    if incoming.meet_at is None:
         return times
-    return np.union1d(times, np.linspace(times[far[0]], times[far[-1] + 1], SAMPLES))
+    return np.array([_passing(course, times, np.asarray(incoming.meet_at))])
 
 
 def _facing(changes: Array, reach: Reach) -> Array:
@@ -337,25 +328,19 @@ def _passing(course: Course, times: Array, point: Array) -> float:
 
 
 def waits_in_plane(waits: Array, aside: Callable[[float], float]) -> Array:
-    """Return the times at which the ball is in the plane of a leg that is turned to the launch.
+    """Return the times [s] at which the ball is in the plane of a leg that is turned to the launch.
 
-    Args:
-        waits: times within reach, shape `(n,)` [s].
-        aside: distance of the ball beside the plane as a function of such a time [m]; nan without
-            a launch.
+    `aside` is the distance of the ball beside the plane at one of the times within reach [m]; nan
+    without a launch.
     """
     gaps = np.array([aside(t) for t in waits.tolist()])
-    roots = [t for t, gap in zip(waits.tolist(), gaps.tolist(), strict=True) if abs(gap) <= BESIDE]
+    roots = waits[np.abs(gaps) <= BESIDE].tolist()
     if len(roots) == len(waits) or np.isnan(gaps).all():
         return waits
-    for (t, gap), (then, other) in zip(
-        zip(waits, gaps, strict=True), zip(waits[1:], gaps[1:], strict=True), strict=False
-    ):
+    for (t, gap), (then, other) in pairwise(zip(waits.tolist(), gaps.tolist(), strict=True)):
         if gap * other < 0.0 and min(abs(gap), abs(other)) > BESIDE:
-            try:
+            with suppress(ValueError, KickdynError):
                 roots.append(float(brentq(aside, t, then, xtol=1e-12)))
-            except (ValueError, KickdynError):
-                continue
     if not roots:
         raise InvalidInput(
             "the foot of the leg moves in a plane that is turned to the launch, and the ball does "

@@ -186,14 +186,8 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None =
     """Return a plan with a motion near another one, whose `strike` gives another launch.
 
     It serves to correct a launch by what a contact that takes time, or a simulator, makes of it.
-
-    Args:
-        plan: with a motion.
-        velocity: of the ball after `strike`, shape `(3,)` [m/s, world frame].
-        contact: of foot and ball, as for `plan_kick`; None is the plan's.
-
-    Raises:
-        InvalidInput: a plan without a motion.
+    The velocity of the ball after `strike` has the shape `(3,)` [m/s, world frame]; without a
+    contact, it is the plan's.
     """
     if plan.motion is None:
         raise InvalidInput("the plan has no motion: plan it with motion=True")
@@ -228,14 +222,10 @@ def replan_turned(plan: KickPlan, velocity: Array, contact: Contact | None = Non
 
 
 def turn_plan(plan: KickPlan, angle: float) -> KickPlan:
-    """Return a plan whose standing robot, with its motion, is turned about the ball.
+    """Return a plan whose standing robot, with its motion, is turned about the ball by an angle.
 
-    The launch turns with the robot, and nothing else changes: gravity and the ground are the same
-    in all directions.
-
-    Args:
-        plan: with a motion of a robot on a floating base.
-        angle: to the left, about the vertical through the ball [rad].
+    The angle is to the left, about the vertical [rad]. The launch turns with the robot, and nothing
+    else changes: gravity and the ground are the same in all directions.
     """
     assert plan.motion is not None
     rotation, centre = pin.rpy.rpyToMatrix(0.0, 0.0, angle), plan.impact.ball_before.position

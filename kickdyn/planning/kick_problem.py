@@ -137,11 +137,10 @@ class KickProblem:
         return [x for _, _, x in self.rated()[:STARTS]]
 
     def at_ball(self, count: int) -> "KickProblem":
-        """Return the problem with postures in which the foot touches the ball.
+        """Return the problem with the best postures in which the foot touches the ball, if any.
 
-        The drawn postures, and others from the whole ranges of the joints, are moved to the ball,
-        with the side of the foot that may meet it turned to it. The `count` best of those that
-        touch the ball are kept, which may be fewer or none.
+        Drawn postures, also from the whole ranges of the joints, are moved to the ball, with the
+        side of the foot that may meet it turned to it.
         """
         ball, facing, variables = self.find(BallPosition), self.find(Facing), self.variables
         assert ball is not None
@@ -196,16 +195,15 @@ def kick_problem(
     limits: bool | str = True,
     like: KickProblem | None = None,
 ) -> KickProblem:
-    """Return the problem of a kick.
+    """Return the problem of a kick by a leg on a fixed base, or a robot that stands on one foot.
 
     Args:
-        robot: a leg on a fixed base, or a robot on a floating one that stands on one foot.
+        robot: that kicks.
         target: the impact.
         ball_position: height or position of the ball's centre, shape `(3,)` [m, world frame]; None
             leaves it free.
         limits: whether limits of speed and torque hold; `MUSCLES` for torques that fall with speed.
-        like: a problem of the same robot, of which everything is used again that does not depend
-            on the impact.
+        like: a problem of the same robot, whose parts are used again.
 
     Raises:
         InvalidInput: a leg that cannot kick in this direction, or a ball beside its plane.

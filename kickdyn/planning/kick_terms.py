@@ -94,12 +94,9 @@ class KickVariables:
         return KickPoint(self, x)
 
     def slope(self, by_q: Array, by_v: Array | None = None, by_share: Array | None = None) -> Array:
-        """Return derivatives by the unknowns, shape `(k, 2n + 1)`.
+        """Return derivatives by the unknowns, `(k, 2n + 1)`.
 
-        Args:
-            by_q: derivatives by the leg's q, shape `(k, nv)`.
-            by_v: derivatives by the leg's v, shape `(k, nv)`.
-            by_share: derivatives by the share, shape `(k,)`.
+        They are made from those by the leg's q and v, shape `(k, nv)`, and by the share, `(k,)`.
         """
         slope = np.zeros((len(by_q), self.size))
         slope[:, : self.n] = by_q[:, self.vs]

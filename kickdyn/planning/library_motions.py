@@ -11,7 +11,6 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
@@ -21,11 +20,11 @@ from kickdyn.impact.strike import strike
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.kick_task import KickTask
 from kickdyn.motion.motion import SETTLING
-from kickdyn.motion.motion_problem import MotionProblem
 from kickdyn.motion.plan_motion import continue_motion, motion_problem, plan_motion
 from kickdyn.motion.separation import ALLOWED as DEEPEST
 from kickdyn.motion.separation import Conditions
 from kickdyn.motion.splines import MotionSplines, Multipliers, Solution, integration_weights
+from kickdyn.motion.symbolic_tree import joint_axis
 from kickdyn.motion.verdict import POINTS, Verdict
 from kickdyn.planning.kick import motion_task
 from kickdyn.planning.kick_problem import kick_problem
@@ -53,7 +52,7 @@ class Found(NamedTuple):
     """A motion, or why there is none."""
 
     reason: str  # why it does not keep all limits; empty if it does
-    margins: Array  # least distances from the limits, in the order of `labels_of`, shape `(k,)`
+    margins: Array  # least distances from the limits, each name once, shape `(k,)`
     solution: dict[str, Any]  # of the motion, by `solution_arrays`; empty without one
 
 
@@ -131,12 +130,9 @@ def first_motion(kicks: Kicks, point: Array) -> tuple[Kicks, Array, Found]:
 
 
 def next_motion(pickled: bytes, point: Array, starts: list[dict[str, Array]]) -> Found:
-    """Return the motion of a kick next to one of others.
+    """Return the motion of a kick at a point `(5,)` next to one of others, which are tried in turn.
 
-    Args:
-        pickled: of `Kicks`.
-        point: speed, elevation, azimuth and place of the kick, shape `(5,)`.
-        starts: motions to start from, by `solution_arrays`, one after the other.
+    `pickled` is of `Kicks`, and `starts` are of `solution_arrays`.
     """
     kicks, found = _unpickled(pickled), Found("there is no motion near it", np.zeros(0), {})
     with one_thread():
@@ -153,12 +149,9 @@ def next_motion(pickled: bytes, point: Array, starts: list[dict[str, Array]]) ->
 
 
 def check_between(pickled: bytes, point: Array, coefficients: Array) -> Found:
-    """Return what an interpolated motion keeps at a point, once its impact is exact.
+    """Return what a motion of interpolated coefficients keeps at a point, once its impact is exact.
 
-    Args:
-        pickled: of `Kicks`.
-        point: of the axes, shape `(5,)`.
-        coefficients: that are interpolated, shape `(size, n)`.
+    `pickled` is of `Kicks`.
     """
     kicks = _unpickled(pickled)
     with one_thread():
@@ -201,10 +194,11 @@ def _found(verdict: Verdict, *, between: bool = False) -> Found:
     elif not verdict.keeps_limits and not (between and _nearly_keeps(verdict)):
         lines = verdict.planned().motion.warnings
         reason = lines[0] if lines else "bodies are inside each other or the ball"
-    least = dict.fromkeys(labels_of(verdict.problem), math.inf)
-    for label, value in zip(verdict.problem.row_labels, verdict.rows.min(axis=0), strict=True):
-        least[label] = min(least[label], float(value))
-    return Found(reason, np.array([*least.values()]), solution_arrays(verdict.solution))
+    labels = verdict.problem.row_labels
+    numbers = {label: k for k, label in enumerate(dict.fromkeys(labels))}
+    least = np.full(len(numbers), math.inf)
+    np.minimum.at(least, [numbers[label] for label in labels], verdict.rows.min(axis=0))
+    return Found(reason, least, solution_arrays(verdict.solution))
 
 
 def _nearly_keeps(verdict: Verdict) -> bool:
@@ -215,11 +209,6 @@ def _nearly_keeps(verdict: Verdict) -> bool:
     allowed = np.where(np.array(units) == "", ALLOWED_SHARE, ALLOWED_DISTANCE)
     least = np.append(verdict.rows.min(axis=0), verdict.impulse)
     return bool((least >= -allowed).all()) and verdict.deepest <= DEEPEST + ALLOWED_DISTANCE
-
-
-def labels_of(problem: MotionProblem) -> list[str]:
-    """Return the names of the limits of a motion with their units, each once."""
-    return list(dict.fromkeys(problem.row_labels))
 
 
 def solution_arrays(solution: Solution) -> dict[str, Any]:
@@ -280,6 +269,7 @@ def robot_arrays(task: KickTask, kicks: Kicks) -> dict[str, Any]:
     lever = whole.posture(whole.configuration()).contact_lever
     height = kicks.ball.radius if is_floating(kicks.robot) else kicks.height
     before, after = splines.splines
+    axes = [joint_axis(model, joint) for joint in range(1, model.njoints)]
     return {
         "robot": np.array(kicks.robot.name),
         "before_knots": before.t, "after_knots": after.t,
@@ -292,7 +282,8 @@ def robot_arrays(task: KickTask, kicks: Kicks) -> dict[str, Any]:
         "parents": np.array([*model.parents][1:]) - 1,
         "rotations": np.array([place.rotation for place in model.jointPlacements[1:]]),
         "translations": np.array([place.translation for place in model.jointPlacements[1:]]),
-        **_axes(whole),
+        "axes": np.array([linear + turn for linear, turn in axes]),
+        "prismatic": np.array([bool(linear.any()) for linear, _ in axes]),
         "masses": np.array([body.mass for body in bodies]),
         "centres": np.array([body.lever for body in bodies]),
         "inertias": np.array([body.inertia for body in bodies]),
@@ -310,11 +301,8 @@ def smooth_changes(splines: MotionSplines, states: Array) -> Array:
 
     Of all changes with this state, it is the one without a change of both accelerations at the
     impact, which the torques and the ground's wrench follow, with the least
-    :math:`\int |\ddot q|^2 dt`. The shape is `(size, 3)`.
-
-    Args:
-        splines: whose coefficients change.
-        states: from these to position, velocity before and after, shape `(3, size)`.
+    :math:`\int |\ddot q|^2 dt`. The shape is `(size, 3)`. `states` maps coefficients to position,
+    velocity before and after, shape `(3, size)`.
     """
     times = splines.times(8, 8)
     accelerations = splines.values(times, 2)
@@ -326,24 +314,8 @@ def smooth_changes(splines: MotionSplines, states: Array) -> Array:
     return np.asarray((least @ np.linalg.inv(rows @ least))[:, :3])
 
 
-def _axes(leg: Leg) -> dict[str, Array]:
-    """Return the axes of the joints in their own frames, and which of them are prismatic."""
-    model, data = leg.workspace.model, leg.workspace.data
-    q = leg.configuration()
-    pin.computeJointJacobians(model, data, q)
-    columns = np.array(
-        [
-            pin.getJointJacobian(model, data, joint, pin.LOCAL)[:, joint - 1]
-            for joint in range(1, model.njoints)
-        ]
-    )
-    prismatic = np.linalg.norm(columns[:, 3:], axis=1) < 0.5
-    axes = np.where(prismatic[:, None], columns[:, :3], columns[:, 3:])
-    return {"axes": axes, "prismatic": prismatic}
-
-
 def described(kicks: Kicks, point: Array) -> tuple[dict[str, Any], list[str]]:
     """Return the arrays of robot, ball and splines, and the names of the limits."""
     with one_thread():
         task = kicks.task(point)
-        return robot_arrays(task, kicks), labels_of(motion_problem(task))
+        return robot_arrays(task, kicks), list(dict.fromkeys(motion_problem(task).row_labels))

@@ -206,11 +206,7 @@ COLOURS = "tab:blue", "tab:orange"
 
 @styled()
 def meeting_figure(plan: Any) -> Any:
-    """Draw speed use and the tolerance of timing by meetings, and errors that miss by 10 cm.
-
-    Args:
-        plan: a `KickPlan` of a ball that moves.
-    """
+    """Draw speed use and tolerance of timing by meetings of a `KickPlan`, and errors of 10 cm."""
     from matplotlib.figure import Figure
 
     kicks = [meeting for meeting in plan.meetings if meeting.impact is not None]

@@ -121,10 +121,7 @@ class Interceptor:
         """Return the changes of the ball's velocity by kicks, shape `(n, 3)` [m/s].
 
         It is 0 without a launch, and for a leg that is not turned, for which it does not count.
-        Launches are planned for `LAUNCHES` of the times, and between them they are interpolated.
-
-        Args:
-            waits: rising times since the ball was seen, shape `(n,)` [s].
+        Launches are planned for `LAUNCHES` of the rising times `(n,)` [s], and interpolated.
         """
         before, goal = self.course.sample(waits).velocity, self.settings.goal
         if isinstance(goal, BallState):
@@ -157,9 +154,6 @@ class Interceptor:
         From the time whose postures are best, the solution is followed to its neighbours, and to
         the middle between them and the best one. Where no kick gives the whole launch, the
         strongest one is returned.
-
-        Args:
-            waits: times, rising [s].
         """
         reasons: dict[float, str] = {}
         problems: dict[float, KickProblem] = {}

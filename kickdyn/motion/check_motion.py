@@ -274,6 +274,8 @@ def _launches(
     for foot in np.unique(stance).tolist():
         leg = robot.with_supports(forces.feet[foot]) if foot >= 0 else robot
         rows, velocities, contacts = list[int](), list[Array](), list[Contact]()
+        cone = leg.contact_normal_cone
+        frame = leg.workspace.model.frames[leg.frame_id].placement.rotation
         for row in np.flatnonzero(stance == foot).tolist():
             posture = leg.posture(motion.q[row]).with_contact_offset(contact.offset)
             velocity = posture.admissible(motion.v[row])
@@ -281,7 +283,8 @@ def _launches(
             for name, number in numbers.items():
                 columns[name][row] = number
             if (normal := numbers.get("normal")) is not None:
-                faces[row] = _may_meet(posture, normal)
+                in_frame = frame.T @ posture.rotation_world_joint.T @ normal
+                faces[row] = cone is None or bool((cone @ in_frame >= 0.0).all())
                 rows.append(row)
                 velocities.append(velocity)
                 contacts.append(replace(contact, normal=normal))
@@ -332,11 +335,3 @@ def _ball_ahead(posture: Posture, foot: Array, radius: float, ground: float) -> 
             "effective_mass": posture.effective_mass(normal),
         }
     return numbers
-
-
-def _may_meet(posture: Posture, normal: Array) -> bool:
-    """Return whether the surface of a foot can meet a ball along a normal."""
-    leg, cone = posture.leg, posture.leg.contact_normal_cone
-    frame = leg.workspace.model.frames[leg.frame_id].placement.rotation
-    in_frame = frame.T @ posture.rotation_world_joint.T @ normal
-    return cone is None or bool((cone @ in_frame >= 0.0).all())

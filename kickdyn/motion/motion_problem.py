@@ -238,15 +238,6 @@ class MotionProblem:
         """Return `forces` with all joints, then torques of those at rest, `(k, moments)`."""
         return np.asarray(self._all_forces.map(states.shape[1])(*states.transpose(0, 2, 1)))
 
-    def _changes(self, times: list[Array], coefficients: Array, share: float) -> Array:
-        """Return changes of forces by joints at rest that gave way, over their scale, at points.
-
-        Torques of joints at rest follow, which have no scale.
-        """
-        states = [self.states(times, coefficients, each) for each in (share, 0.0)]
-        after, unchanged = map(self.all_forces, states)
-        return np.asarray(after - unchanged)
-
     def _rows_apart(self, joints: tuple[int, int]) -> Rows:
         """Return the row of `Conditions` of two joints, with the configuration as its unknown.
 
@@ -353,7 +344,11 @@ class MotionProblem:
         reference = start.coefficients
         if start.linearized is not None:  # without the mean, two solutions can alternate for ever
             reference = (reference + start.linearized) / 2
-        changes = self._changes(times, reference, start.share)
+        # forces change by joints at rest that gave way; torques of these follow, without a scale
+        after, unchanged = (
+            self.all_forces(self.states(times, reference, share)) for share in (start.share, 0.0)
+        )
+        changes = np.asarray(after - unchanged)
         blocks = [*self._blocks(times, changes), *map(self._block_apart, apart)]
         most = np.full(to_speeds.shape[0], 1.0 - SpeedLimit.reserve)
         lower = [np.tile(block.rows.lower, len(block.weights)) for block in blocks]

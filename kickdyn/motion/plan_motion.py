@@ -14,7 +14,7 @@ from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import MotionProblem
 from kickdyn.motion.separation import Conditions, Surroundings, with_former
 from kickdyn.motion.splines import MotionSplines, Solution
-from kickdyn.motion.verdict import POINTS, Nearness, PlannedMotion, Verdict, best_of
+from kickdyn.motion.verdict import POINTS, Nearness, Verdict, best_of
 from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg
 
@@ -158,8 +158,8 @@ class _Work:
         return count if count >= LEAST_ITERATIONS else 0
 
 
-def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
-    """Return the motion of a kick, from rest to rest; the best one where none keeps all limits.
+def plan_motion(task: KickTask, near: Motion | None = None) -> Verdict:
+    """Return the verdict on the best motion of a kick, from rest to rest.
 
     The joints between the feet of a standing robot are tried first, which takes a fraction of the
     time; limbs in the way of their motion are put aside of it. All joints move where those do not
@@ -184,11 +184,11 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     of_legs = _Work(LEGS_WORK)
     planned = legs_only = _plan(legs, near, 0, of_legs, whole=task.leg)
     work.left -= LEGS_WORK - of_legs.left
-    if legs_only.keeps_limits or near is not None:
+    if legs_only.is_met or near is not None:
         return legs_only
-    if legs_only.share > NEARLY:
-        planned = _plan(task, legs_only.motion, 0, work, share=legs_only.share)
-        if planned.keeps_limits:
+    if legs_only.solution.share > NEARLY:
+        planned = _plan(task, legs_only.motion, 0, work, share=legs_only.solution.share)
+        if planned.is_met:
             return planned
     others = [planned, legs_only]
     if work.iterations(task.leg.nv):
@@ -217,8 +217,8 @@ def _plan(
     *,
     whole: Leg | None = None,
     share: float = 1.0,
-) -> PlannedMotion:
-    """Return the best motion of all joints of a task.
+) -> Verdict:
+    """Return the verdict on the best motion of all joints of a task.
 
     Args:
         task: the kick.
@@ -245,7 +245,7 @@ def _plan(
             verdicts.append(search.refine(solution))
         if verdicts[-1].keeps_limits or not work.iterations(problem.n):
             break
-    return best_of(verdicts).planned()
+    return best_of(verdicts)
 
 
 def motion_problem(task: KickTask, limited: Sequence[str] = ()) -> MotionProblem:
@@ -312,14 +312,6 @@ class _Search:
             posture = self.problem.stand(self.rest, at_ball=False)
             self.rest = self.rest if posture is None else posture
 
-    def _limit_overloaded(self, verdict: Verdict) -> bool:
-        """Limit torques of joints at rest beyond their limits; return whether there are others."""
-        limited = self.problem.limited
-        others = [name for name in verdict.overloaded() if name not in limited]
-        if others:
-            self.problem = motion_problem(self.problem.task, (*limited, *others))
-        return bool(others)
-
     def again(self, start: Solution) -> Verdict:
         """Return the verdict on the solution next to the one of nearly the same kick."""
         assert start.multipliers is not None
@@ -355,7 +347,11 @@ class _Search:
             reaches_all = (full and not far) or solution.share > WHOLE
             shares = (1.0, 1.0) if reaches_all else (0.0, 1.0)
             start = solution if solution.feasible else nearest.solution
-            anew = self._limit_overloaded(verdict) or far
+            limited = self.problem.limited
+            others = [name for name in verdict.overloaded() if name not in limited]
+            if others:  # joints at rest whose torques have no rows yet
+                self.problem = motion_problem(self.problem.task, (*limited, *others))
+            anew = bool(others) or far
             start = replace(start, multipliers=None, linearized=None) if anew else start
             solution = self._solve(start, times, apart, TIGHTER if anew else AGAIN, shares)
             verdict, full = Verdict(self.problem, solution), solution.share > FULL

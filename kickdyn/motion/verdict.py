@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,6 @@ from kickdyn.core.validation import Array
 from kickdyn.motion.limits import (
     Limit,
     RestingTorqueLimit,
-    SpeedLimit,
-    TorqueLimit,
     when,
 )
 from kickdyn.motion.motion import Motion
@@ -54,25 +53,6 @@ class Margins:
         """Return the least distance of each label."""
         names = (name for limit in self.limits for name in limit.names)
         return least_by_name(names, self.rows(q[None], v[None], a[None])[0].tolist())
-
-
-@dataclass(frozen=True, eq=False)
-class PlannedMotion:
-    """A motion, its share of the launch, and its use of the limits."""
-
-    motion: Motion  # with a line of warning for each limit that it does not keep
-    share: float  # share of the launch; 1 where all of it is reached
-    torque_squared: float  # integral of the mean of the squared torques over their limits [s]
-    torque_use: float  # largest torque and speed over their limits
-    speed_use: float
-    binding: tuple[str, ...]  # names of the limits that are reached
-    keeps_limits: bool  # whether it reaches the whole launch and keeps all limits
-    broken: float  # see `Verdict`
-
-    @property
-    def rank(self) -> tuple[bool, bool, float]:
-        """What makes a motion better: limits kept, then the share of the launch."""
-        return self.keeps_limits, self.broken == 0.0, self.share - self.broken
 
 
 SHIFTS = 0.6, 0.8, 1.0, 1.4, 2.0, 3.0
@@ -129,7 +109,7 @@ class Verdict:
 
     Attributes:
         broken: largest violation of a limit, in its unit; 0 where there is none.
-        torque_squared: see `PlannedMotion`.
+        torque_squared: integral of the mean of the squared torques over their limits [s].
         deepest: largest depth of bodies inside each other or the ball [m].
     """
 
@@ -168,20 +148,21 @@ class Verdict:
             added.append(np.unique(np.concatenate([present, times[peak]])))
         return added
 
-    def planned(self) -> PlannedMotion:
-        """Return the motion with its warnings."""
-        problem, solution = self.problem, self.solution
-        task = problem.task
-        times, labels = np.concatenate(self.times), self._labels(problem.limits)
-        lines = []
-        for limit, label, row in labels:
+    @cached_property
+    def motion(self) -> Motion:
+        """The motion, with a line of warning for each limit that it does not keep."""
+        problem, solution, task = self.problem, self.solution, self.problem.task
+        times, lines = np.concatenate(self.times), list[str]()
+        for row, (limit, label) in enumerate(self._labels(problem.limits)):
             worst = int(np.argmin(self.rows[:, row]))
             if self.rows[worst, row] < 0.0:
                 breach = limit.breach(label, float(self.rows[worst, row]))
                 lines.append(f"{breach}, {when(times[worst])}")
-        for _, label, row in self._labels(problem.impulse_limits):
-            if self.impulse[row] < -1e-6:
-                lines.append(f"{label} is beyond its limit by {-self.impulse[row]:.2g}")
+        for margin, (_, label) in zip(
+            self.impulse.tolist(), self._labels(problem.impulse_limits), strict=True
+        ):
+            if margin < -1e-6:
+                lines.append(f"{label} is beyond its limit by {-margin:.2g}")
         if not solution.feasible:
             lines.append("the solver finds no motion that keeps the equations of the impact")
         shift = None if problem.feet is None else shift_weight(problem, problem.feet, solution.rest)
@@ -189,38 +170,42 @@ class Verdict:
             lines += shift.warnings()
         if solution.share < 1.0 and solution.multipliers is not None:
             lines.insert(0, self._share_line())
-        margins = self.rows.min(axis=0)
-        reached = [label for limit, label, row in labels if margins[row] < limit.reserve + REACHED]
-        placement = None if task.standing is None else task.standing.placement
         before, after = problem.splines.motion(solution.coefficients)
-        motion = Motion(
+        return Motion(
             task.robot,
             task.leg.joint_names,
             before,
             after,
-            placement,
-            self.margins,
-            tuple(dict.fromkeys(lines)),
-            solution if solution.share == 1.0 else None,
-            task.aside,
-            shift,
-            problem.pushed(solution.coefficients, solution.share),
-        )
-        return PlannedMotion(
-            motion,
-            solution.share,
-            self.torque_squared,
-            self._use(TorqueLimit),
-            self._use(SpeedLimit),
-            tuple(dict.fromkeys(reached)),
-            self.keeps_limits and (shift is None or not shift.warnings()),
-            self.broken,
+            placement=None if task.standing is None else task.standing.placement,
+            limits=self.margins,
+            warnings=tuple(dict.fromkeys(lines)),
+            solution=solution if solution.share == 1.0 else None,
+            aside=task.aside,
+            shift=shift,
+            pushed=problem.pushed(solution.coefficients, solution.share),
         )
 
     @property
+    def binding(self) -> tuple[str, ...]:
+        """Names of the limits that are reached."""
+        pairs = zip(self._labels(self.problem.limits), self.rows.min(axis=0), strict=True)
+        reached = [label for (limit, label), least in pairs if least < limit.reserve + REACHED]
+        return tuple(dict.fromkeys(reached))
+
+    @property
     def keeps_limits(self) -> bool:
-        """Whether the whole launch is reached and all limits are kept."""
+        """Whether the whole launch is reached and all limits are kept, but for those of a shift."""
         return self.solution.share == 1.0 and self.broken == 0.0
+
+    @cached_property
+    def is_met(self) -> bool:
+        """The same with the limits of the shift of the weight."""
+        return self.keeps_limits and (self.motion.shift is None or not self.motion.shift.warnings())
+
+    @property
+    def rank(self) -> tuple[bool, bool, float]:
+        """What makes a motion better: limits kept, then the share of the launch."""
+        return self.is_met, self.broken == 0.0, self.solution.share - self.broken
 
     def overloaded(self) -> list[str]:
         """Return the joints at rest that take more than their torque limits, or none.
@@ -234,17 +219,16 @@ class Verdict:
 
     def _columns(self, kind: type[Limit]) -> NDArray[np.bool_]:
         """Return which rows are of a kind of limit."""
-        limits = self._labels(self.problem.limits)
-        return np.array([isinstance(limit, kind) for limit, _, _ in limits])
+        return np.array([isinstance(limit, kind) for limit, _ in self._labels(self.problem.limits)])
 
-    def _use(self, kind: type[Limit]) -> float:
+    def use(self, kind: type[Limit]) -> float:
         """Return the largest torque or speed over its limit."""
         return 1.0 - float(self.rows[:, self._columns(kind)].min())
 
     def _share_line(self) -> str:
         """Return a sentence on the share and on the limits that reduce it most."""
         effects, times = self.problem.effects(self.solution), np.concatenate(self.times)
-        columns = {label: row for _, label, row in self._labels(self.problem.limits)}
+        columns = {label: row for row, (_, label) in enumerate(self._labels(self.problem.limits))}
         names = []
         for label in sorted(effects, key=effects.__getitem__, reverse=True)[:NAMED]:
             t = times[np.argmin(self.rows[:, columns[label]])] if label in columns else 0.0
@@ -252,9 +236,8 @@ class Verdict:
         share = f"the motion reaches {100 * self.solution.share:.0f} % of the launch"
         return f"{share}; limits that hold it back most: {', '.join(names)}" if names else share
 
-    def _labels(self, limits: Sequence[Limit]) -> list[tuple[Limit, str, int]]:
-        every = [(limit, label) for limit in limits for label in limit.labels]
-        return [(limit, label, row) for row, (limit, label) in enumerate(every)]
+    def _labels(self, limits: Sequence[Limit]) -> list[tuple[Limit, str]]:
+        return [(limit, label) for limit in limits for label in limit.labels]
 
 
 def best_of(verdicts: Sequence["Verdict"]) -> "Verdict":

@@ -265,22 +265,24 @@ def _plan_motion(
         raise InvalidInput(
             'motions need the package casadi: install it with pip install "kickdyn[motion]"'
         )
-    from kickdyn.motion.plan_motion import plan_motion  # it imports CasADi
+    from kickdyn.motion.limits import SpeedLimit, TorqueLimit  # these import CasADi
+    from kickdyn.motion.plan_motion import plan_motion
 
     task = motion_task(problem, both_feet=both_feet)
     planned = plan_motion(task, near)
-    posture, standing = problem.robot.posture(planned.motion.q(0.0)), problem.standing
+    motion, standing = planned.motion, problem.standing
+    posture = problem.robot.posture(motion.q(0.0))
     outcome = {
-        "share": planned.share,
+        "share": planned.solution.share,
         "value": planned.torque_squared,
-        "speed_use": planned.speed_use,
-        "torque_use": planned.torque_use,
+        "speed_use": planned.use(SpeedLimit),
+        "torque_use": planned.use(TorqueLimit),
         "binding": planned.binding,
         "balance": None if standing is None else Balance(standing).distance(posture),
-        "motion": planned.motion,
+        "motion": motion,
         "muscles": task.muscles,
     }
-    return posture, planned.motion.v(0.0), outcome
+    return posture, motion.v(0.0), outcome
 
 
 def motion_task(problem: KickProblem, *, both_feet: bool = False) -> "KickTask":

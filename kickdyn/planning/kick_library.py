@@ -221,8 +221,7 @@ class KickLibrary(ReprMixin):
 
     def check_ranges(self, ranges: Mapping[str, tuple[float, float] | None]) -> None:
         """Raise `InvalidInput` for ranges that are not those of the library; None is any."""
-        stored = zip(self.reader.lower.tolist(), self.reader.upper.tolist(), strict=True)
-        for name, (low, high) in zip(AXES, stored, strict=True):
+        for name, low, high in zip(AXES, self.reader.lower, self.reader.upper, strict=True):
             pair = ranges.get(name)
             if pair is not None and not np.allclose(pair, (low, high)):
                 raise InvalidInput(
@@ -305,16 +304,9 @@ class KickLibrary(ReprMixin):
         return self._plan(kick, goal.at(launch.time), launch, air, launch.time)
 
     def replan(self, plan: KickPlan, velocity: ArrayLike) -> KickPlan:
-        """Return the plan of the kick with another launch, of the same ball, for the same goal.
+        """Return the plan with another launch by `strike`, `(3,)` [m/s, world], for the same goal.
 
-        It serves to correct a launch, as `refine_kick` does.
-
-        Args:
-            plan: of this library.
-            velocity: of the launch by `strike`, shape `(3,)` [m/s, world frame].
-
-        Raises:
-            InvalidInput: there is none.
+        It serves to correct a launch, as `refine_kick` does; raises `InvalidInput` without a kick.
         """
         wished = validation.vector("velocity", velocity, 3, unit="m/s")
         launch, path = plan.launch, plan.path
@@ -334,7 +326,7 @@ class KickLibrary(ReprMixin):
         time: float | None = None,
     ) -> KickPlan:
         """Return a kick as a plan for a goal, whose flight takes a time [s]."""
-        motion, impact = kick.motion, kick.impact
+        motion, impact, standing = kick.motion, kick.impact, self._standing
         if motion is None or impact is None:
             raise InvalidInput(f"the library has no kick for this goal: {kick.reason}")
         target = impact_target_for(kick.launch, np.zeros(3), impact.ball, impact.contact)
@@ -342,12 +334,15 @@ class KickLibrary(ReprMixin):
             1.0 - min(margin for name, margin in kick.margins.items() if name.startswith(kind))
             for kind in ("speed of", "torque of")
         )
-        standing = self._standing
+        columns = [self.robot.velocity_index(name) for name in motion.joints]
+        times = np.linspace(motion.begin, motion.end, SAMPLES)
+        use = np.array([motion.torque(t) for t in times])[:, columns]
+        use /= self.robot.effort_limit[columns]
         plan = KickPlan(
             goal=goal,
             launch=launch,
             objective=KickObjective.TORQUE_SQUARED,
-            value=self._torque_squared(motion),
+            value=float(trapezoid((use**2).mean(axis=1), times)),
             share=1.0,
             impact_target=target,
             impact=impact,
@@ -361,14 +356,6 @@ class KickLibrary(ReprMixin):
             motion=motion,
         )
         return turn_plan(plan, kick.heading) if kick.heading else plan
-
-    def _torque_squared(self, motion: Motion) -> float:
-        """Return the integral of the mean squared torque of the moving joints over their limits."""
-        robot = motion.robot
-        columns = [robot.velocity_index(name) for name in motion.joints]
-        times = np.linspace(motion.begin, motion.end, SAMPLES)
-        torque = np.array([motion.torque(t)[columns] for t in times])
-        return float(trapezoid(((torque / robot.effort_limit[columns]) ** 2).mean(axis=1), times))
 
     @cached_property
     def _ball(self) -> Ball:
@@ -400,21 +387,20 @@ class KickLibrary(ReprMixin):
 
     def motion_of(self, kick: InterpolatedKick) -> Motion:
         """Return the motion of the whole robot."""
-        reader, a = self.reader, self.reader.arrays
-        moving = a["moving"].tolist()
+        a, names, moving = self.reader.arrays, self.reader.joints, self.reader.arrays["moving"]
         before, after = (
             BSpline(a[f"{name}_knots"], a[f"{name}_matrix"] @ kick.coefficients, 3)
             for name in ("before", "after")
         )
-        others = [k for k in range(len(reader.joints)) if k not in moving]
+        others = np.setdiff1d(np.arange(len(names)), moving).tolist()
         return Motion(
             self.robot,
-            tuple(reader.joints[k] for k in moving),
+            tuple(names[k] for k in moving.tolist()),
             before,
             after,
             None if self._standing is None else self._standing.placement,
-            aside={reader.joints[k]: float(a["resting"][k]) for k in others},
-            pushed={reader.joints[k]: float(kick.v_after[k]) for k in others},
+            aside={names[k]: float(a["resting"][k]) for k in others},
+            pushed={names[k]: float(kick.v_after[k]) for k in others},
         )
 
 
@@ -438,7 +424,6 @@ class LibraryKick(ReprMixin):
     interpolated: InterpolatedKick | None = field(repr=False)
 
     def __post_init__(self) -> None:
-        """Make the arrays read-only."""
         freeze_arrays(vars(self))
 
     def _rows(self) -> Iterable[Row]:
@@ -486,15 +471,13 @@ class LibraryKick(ReprMixin):
     @cached_property
     def impact(self) -> Impact | None:
         """The impact by `strike`; None without a motion."""
-        motion, a = self.motion, self.library.reader.arrays
+        motion = self.motion
         if motion is None:
             return None
-        contact = Contact(
-            self.launch, restitution=float(a["impact"][0]), friction=float(a["impact"][1])
-        )
-        return strike(
-            motion.robot.posture(motion.q(0.0)), motion.v(0.0), self.library._ball, contact
-        )
+        restitution, friction = self.library.reader.arrays["impact"].tolist()
+        contact = Contact(self.launch, restitution=restitution, friction=friction)
+        posture = motion.robot.posture(motion.q(0.0))
+        return strike(posture, motion.v(0.0), self.library._ball, contact)
 
 
 def _shown(axis: str, low: float, high: float) -> str:

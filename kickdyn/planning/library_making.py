@@ -94,7 +94,9 @@ class LibraryMaking:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._begin()
             self._plan_grid()
-            covered, others = list[Cell](), self._cells()
+            size = (self.unit,) * len(self.counts)
+            lows = product(*(range(0, count * self.unit, self.unit) for count in self.counts))
+            covered, others = list[Cell](), [Cell(low, size) for low in lows]
             for number in range(REFINEMENTS + 1):
                 self._check(others)
                 covered += [cell for cell in others if not self._reason(cell)]
@@ -189,18 +191,18 @@ class LibraryMaking:
         while True:
             tasks = []
             for key in sorted(grid):
-                near = [n for n in self._neighbours(key) if self.nodes.get(n) == ""]
+                near = [
+                    other
+                    for axis in range(len(key))
+                    for step in (-self.unit, self.unit)
+                    if self.nodes.get(other := _moved(key, axis, step)) == ""
+                ]
                 if self.nodes.get(key) != "" and len(near) > tried.get(key, 0):
                     tried[key] = len(near)
                     tasks.append((key, near))
             if not tasks:
                 return
             self._plan(tasks, len(grid))
-
-    def _neighbours(self, key: Key) -> Iterator[Key]:
-        for axis in range(len(key)):
-            for step in (-self.unit, self.unit):
-                yield (*key[:axis], key[axis] + step, *key[axis + 1 :])
 
     def _plan(self, tasks: list[tuple[Key, list[Key]]], total: int) -> None:
         jobs = [
@@ -240,11 +242,6 @@ class LibraryMaking:
                 self.nodes[tuple(entry["node"])] = entry["reason"]
             else:
                 self.checks[entry["check"]] = entry["reason"], entry["margins"]
-
-    def _cells(self) -> list[Cell]:
-        size = (self.unit,) * len(self.counts)
-        lows = product(*(range(0, count * self.unit, self.unit) for count in self.counts))
-        return [Cell(low, size) for low in lows]
 
     def _coefficients(self, key: Key) -> Array:
         if key not in self.coefficients:

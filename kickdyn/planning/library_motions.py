@@ -115,8 +115,8 @@ def first_motion(kicks: Kicks, point: Array) -> tuple[Kicks, Array, Found]:
     """
     with one_thread():
         planned = plan_motion(kicks.task(point, place_is_free=True))
-        motion, solution = planned.motion, planned.motion.solution
-        if not planned.keeps_limits or solution is None:
+        motion, solution = planned.motion, planned.solution
+        if not planned.is_met:
             why = motion.warnings[0] if motion.warnings else "bodies are inside each other"
             raise InvalidInput(f"no motion for the middle of the ranges keeps all limits: {why}")
         kicks = replace(
@@ -170,7 +170,7 @@ def check_between(pickled: bytes, point: Array, coefficients: Array) -> Found:
         rows = np.asarray(problem.posture.values(q, [])[0]).ravel()
         if (rows < problem.posture.lower - FACING).any():
             return found._replace(reason="the foot does not face the ball")
-        motion = verdict.planned().motion
+        motion = verdict.motion
         posture = motion.robot.posture(motion.q(0.0))
         contact, wished = task.target.contact, launch_velocity(point)
         try:
@@ -192,7 +192,7 @@ def _found(verdict: Verdict, *, between: bool = False) -> Found:
     if not verdict.solution.feasible:
         reason = "the solver finds no motion near it"
     elif not verdict.keeps_limits and not (between and _nearly_keeps(verdict)):
-        lines = verdict.planned().motion.warnings
+        lines = verdict.motion.warnings
         reason = lines[0] if lines else "bodies are inside each other or the ball"
     labels = verdict.problem.row_labels
     numbers = {label: k for k, label in enumerate(dict.fromkeys(labels))}
@@ -224,12 +224,8 @@ def solution_arrays(solution: Solution) -> dict[str, Any]:
     if duals is not None:
         arrays |= {name: getattr(duals, name) for name in DUALS}
         for k, (conditions, values) in enumerate(duals.apart):
-            arrays |= {
-                f"apart_{k}_joints": np.array(conditions.joints),
-                f"apart_{k}_times": conditions.times,
-                f"apart_{k}_parameters": conditions.parameters,
-                f"apart_{k}_values": values,
-            }
+            named = {**conditions._asdict(), "values": values}
+            arrays |= {f"apart_{k}_{name}": np.array(value) for name, value in named.items()}
     if solution.linearized is not None:
         arrays["linearized"] = solution.linearized
     return arrays
@@ -239,15 +235,13 @@ def solution_of(arrays: dict[str, Array]) -> Solution:
     """Return the solution from its arrays."""
     duals, apart = None, list[tuple[Conditions, Array]]()
     while f"apart_{len(apart)}_joints" in arrays:
-        name = f"apart_{len(apart)}_"
-        first, second = arrays[f"{name}joints"].tolist()
-        conditions = Conditions(
-            (first, second), arrays[f"{name}times"], arrays[f"{name}parameters"]
+        joints, *others, values = (
+            arrays[f"apart_{len(apart)}_{name}"] for name in (*Conditions._fields, "values")
         )
-        apart.append((conditions, arrays[f"{name}values"]))
+        first, second = joints.tolist()
+        apart.append((Conditions((first, second), *others), values))
     if "points" in arrays:
-        speeds, impact, bounds, points = (arrays[name] for name in DUALS)
-        duals = Multipliers(speeds, impact, bounds, points, apart)
+        duals = Multipliers(**{name: arrays[name] for name in DUALS}, apart=apart)
     return Solution(
         arrays["rest"],
         arrays["coefficients"],

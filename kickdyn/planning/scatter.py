@@ -67,8 +67,7 @@ def scatter(impact: Impact, air: Air | None = None, **spread: float) -> Scatter:
             direction. Sources are independent.
 
     Raises:
-        InvalidInput: no source or an unknown one, a value below 0, another law, or a ball that
-            does not land.
+        InvalidInput: an unknown source or none, a value below 0, another law, or no landing.
     """
     sizes = checked_spread(spread)
     landing, slopes = landing_slopes(impact.ball_after, impact.ball, air)

@@ -15,6 +15,7 @@ from tolerances import agrees, closed_form, differenced
 import kickdyn as kd
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.kick_task import TURN_SCALE, KickTask
+from kickdyn.motion.limits import SpeedLimit, TorqueLimit
 from kickdyn.motion.motion_problem import SHARE, MotionProblem
 from kickdyn.motion.splines import (
     Block,
@@ -148,21 +149,20 @@ def test_the_verdict_is_by_inverse_dynamics_on_a_finer_grid(problem):
         speed = np.abs(states[1]) / LEG.velocity_limit
         worst["speed"] = max(speed.max(), worst.get("speed", 0.0))
     assert verdict.torque_squared == pytest.approx(total, rel=closed_form(1e4))
-    planned = verdict.planned()
-    assert planned.torque_use == pytest.approx(worst["torque"])
-    assert planned.speed_use == pytest.approx(worst["speed"])
-    broken = [line for line in planned.motion.warnings if "beyond its limit" in line]
+    assert verdict.use(TorqueLimit) == pytest.approx(worst["torque"])
+    assert verdict.use(SpeedLimit) == pytest.approx(worst["speed"])
+    broken = [line for line in verdict.motion.warnings if "beyond its limit" in line]
     assert bool(broken) == (verdict.rows.min() < 0.0)
-    agrees(planned.motion.q(-0.2), splines[0](-0.2), closed_form(10))
+    agrees(verdict.motion.q(-0.2), splines[0](-0.2), closed_form(10))
     verdict.rows[:], verdict.rows[3, 1] = 1.0, problem.limits[0].reserve
-    assert verdict.planned().binding == ("torque of knee",)
+    assert verdict.binding == ("torque of knee",)
 
 
 @pytest.mark.parametrize(("size", "fault"), [(0.013, None), (0.02, "depth"), (0.15, "limit")])
 def test_a_motion_is_as_bad_as_its_worst_limit_or_depth_in_the_ball(problem, size, fault):
     """Up to 4.5 mm inside the ball before the impact, a body counts as touching."""
     verdict = Verdict(problem, drawn_solution(problem, size))
-    motion, more = verdict.planned().motion, 5e-3
+    motion, more = verdict.motion, 5e-3
     centre, depth = problem.ball_centre(motion.q(0.0)), 0.0
     for t in verdict.times[0]:
         near = find_ball_overlaps(LEG.posture(motion.q(t)), centre, BALL.radius + more)
@@ -182,7 +182,7 @@ def test_limits_hold_a_launch_back_by_their_multipliers(problem):
     solution = replace(start, share=0.83, multipliers=known)
     right = {"torque of knee": 0.1 * 4.5 / SHARE, "speed of ankle": 0.1 * 0.9 / SHARE}
     assert problem.effects(solution) == pytest.approx(right)
-    line = Verdict(problem, solution).planned().motion.warnings[0]
+    line = Verdict(problem, solution).motion.warnings[0]
     assert re.search(r"reaches 83 % of the launch.*torque of knee.*speed of ankle", line)
 
 
@@ -238,7 +238,7 @@ def test_a_strike_on_a_foot_keeps_the_rows_of_the_impact(on_a_foot):
 
 
 def test_the_ground_s_impulse_in_a_verdict_is_that_of_a_strike(on_a_foot):
-    verdict, task, motion = on_a_foot, on_a_foot.problem.task, on_a_foot.planned().motion
+    verdict, task, motion = on_a_foot, on_a_foot.problem.task, on_a_foot.motion
     standing = task.standing
     posture = standing.robot.posture(motion.q(0.0)).with_contact_offset((0.02, 0.0, 0.01))
     impulse = task.target.impulse
@@ -256,7 +256,7 @@ def test_the_ground_s_impulse_in_a_verdict_is_that_of_a_strike(on_a_foot):
 
 @pytest.mark.parametrize("t", np.arange(-44, 46, 4) / 100)
 def test_the_margins_of_a_motion_are_those_of_its_torques_and_its_ground(on_a_foot, t):
-    standing, motion = on_a_foot.problem.task.standing, on_a_foot.planned().motion
+    standing, motion = on_a_foot.problem.task.standing, on_a_foot.motion
     robot, margins, q = motion.robot, motion.margins(t), motion.q(t)
     wrench, model, data = motion.ground_wrench(t), robot.model, robot.model.createData()
     right = ground_margins(standing, wrench)

@@ -200,7 +200,7 @@ def test_limbs_that_a_motion_put_aside_stay_there_when_it_is_planned_again(task,
     """The centre of mass is that of the robot whose arm is lifted."""
     aside, whole = {"left_shoulder_roll_joint": 0.7}, task.leg
     near = SimpleNamespace(aside=aside, joints=kicking_chain(whole).leg.joint_names)
-    planned = lambda task, *_, **__: SimpleNamespace(task=task, keeps_limits=True)  # noqa: E731
+    planned = lambda task, *_, **__: SimpleNamespace(task=task, is_met=True)  # noqa: E731
     monkeypatch.setattr(plan_motion, "_plan", planned)
     again = plan_motion.plan_motion(task, near).task
     assert again.aside == aside

@@ -260,7 +260,9 @@ def impact_rows(
     apart = share * ca.DM(ball_point) - jacobian @ (v + jump)
     approach = ca.dot(ca.DM(normal), jacobian @ v)
     rebound = ca.dot(ca.DM(normal), apart) - _restitution(target, approach) * approach
-    slip = ca.DM(_directions_across(task.foot_directions, normal))
+    directions = task.foot_directions
+    _, gains, across = np.linalg.svd(directions - np.outer(directions @ normal, normal))
+    slip = ca.DM(across[: len(gains)][gains > 1e-6])
     posture_rows = [
         (ca.DM(task.ball_rows) @ (point + ca.DM(ball.radius * normal - task.ball_centre))
          / ball.radius, 0.0, 0.0),
@@ -303,9 +305,3 @@ def _restitution(target: ImpactTarget, approach: Any) -> Any:
         slope = (after - before) / (high - low)
         e += slope * (ca.fmin(ca.fmax(approach, low), high) - low)
     return e
-
-
-def _directions_across(directions: Array, normal: Array) -> Array:
-    """Return directions across the normal that the foot can move in, as rows."""
-    _, gains, rows = np.linalg.svd(directions - np.outer(directions @ normal, normal))
-    return np.asarray(rows[: len(gains)][gains > 1e-6])

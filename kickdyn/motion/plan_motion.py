@@ -325,7 +325,7 @@ class _Search:
         aside later, do not count.
         """
         problem = self.problem
-        surroundings = problem.surroundings.without(aside)
+        surroundings = problem.surroundings.only(aside, others=True)
         apart = Nearness(problem, start, start.times, surroundings).conditions(start.times)
         return self._solve(start, start.times, apart, NEARBY if moves else FIRST)
 

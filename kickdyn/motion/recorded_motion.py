@@ -128,8 +128,14 @@ def record(
     window = validation.whole("window", window, at_least=UNSMOOTHED)
     if window % 2 == 0:
         raise InvalidInput(f"window is {window}: it must be odd, so that a frame is in its middle")
-    split = len(t) if contact is None else np.count_nonzero(t <= contact + 1e-6 / rate)
-    pieces = _pieces(len(t), int(split), window)
+    split = len(t) if contact is None else int((t <= contact + 1e-6 / rate).sum())
+    pieces = [
+        piece for piece in (slice(0, split), slice(split, len(t))) if piece.start < piece.stop
+    ]
+    for piece, side in zip(pieces, ("before", "after"), strict=False):
+        if (count := piece.stop - piece.start) < window:
+            where = f" {side} the impact" if len(pieces) > 1 else ""
+            raise InvalidInput(f"there are {count} frames{where}: a window of {window} needs more")
     joints, floats = positions_of(leg, q), is_floating(leg)
     turning = np.array(leg.workspace.model.nqs[1 + floats :]) == 2
     joints[:, turning] = np.unwrap(joints[:, turning], axis=0)
@@ -145,18 +151,6 @@ def record(
     return RecordedMotion(
         leg, rate, np.array(t), np.array(q), v, a, contact, tuple(smoothing), warnings
     )
-
-
-def _pieces(count: int, split: int, window: int) -> list[slice]:
-    """Return the frames until the impact, and those after it, where there are any."""
-    pieces = [piece for piece in (slice(0, split), slice(split, count)) if piece.start < piece.stop]
-    for piece in pieces:
-        frames = piece.stop - piece.start
-        if frames < window:
-            side = "before" if piece.start == 0 else "after"
-            where = f" {side} the impact" if len(pieces) > 1 else ""
-            raise InvalidInput(f"there are {frames} frames{where}: a window of {window} needs more")
-    return pieces
 
 
 def _derivatives(

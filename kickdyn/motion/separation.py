@@ -102,21 +102,12 @@ class Surroundings:
         other = "the ball" if joints[1] < 0 else f"those of {second}"
         return f"distance of bodies of {first} from {other}"
 
-    def only(self, frames: Collection[str]) -> "Surroundings":
-        """Return the pairs of bodies of which one or both are at some frames."""
-        return self._of(self._pairs_at(frames))
-
-    def without(self, frames: Collection[str]) -> "Surroundings":
-        """Return the pairs of bodies of which neither is at some frames."""
-        return self._of(~self._pairs_at(frames))
-
-    def _pairs_at(self, frames: Collection[str]) -> NDArray[np.bool_]:
-        counts = np.array([body.frame in frames for body in self._pairs.bodies], bool)
-        return np.asarray(counts[self._pairs.first] | counts[self._pairs.second])
-
-    def _of(self, chosen: NDArray[np.bool_]) -> "Surroundings":
+    def only(self, frames: Collection[str], *, others: bool = False) -> "Surroundings":
+        """Return the pairs of which one or both bodies are at some frames, or the other pairs."""
+        at_frames = np.array([body.frame in frames for body in self._pairs.bodies], bool)
+        chosen = at_frames[self._pairs.first] | at_frames[self._pairs.second]
         some = copy(self)
-        some._pairs = self._pairs.of(chosen)
+        some._pairs = self._pairs.of(~chosen if others else chosen)
         return some
 
     def conditions(

@@ -64,7 +64,8 @@ class TorqueLimit(KickTerm):
     def __init__(self, variables: KickVariables) -> None:
         leg = variables.leg
         self._names, self._vs = variables.names, variables.vs
-        self.limit = _usable(leg.effort_limit[self._vs])
+        effort = leg.effort_limit[self._vs]
+        self.limit = np.where(effort > 0.0, effort, np.inf)  # 0 is no limit
         self._model, self._data = leg.model, leg.model.createData()
         self._still = np.zeros(leg.nv)
 
@@ -87,9 +88,8 @@ class TorqueLimit(KickTerm):
 
     def torque_derivatives(self, posture: Posture, v: Array) -> tuple[Array, Array]:
         """Return the derivatives of the torque by q and v of the leg, shape `(n, nv)` each."""
-        by_q, by_v, _ = pin.computeRNEADerivatives(
-            self._model, self._data, posture.q, v, self._still
-        )
+        state = posture.q, v, self._still
+        by_q, by_v, _ = pin.computeRNEADerivatives(self._model, self._data, *state)
         shape = (len(v), len(v))
         return np.reshape(by_q, shape)[self._vs], np.reshape(by_v, shape)[self._vs]
 
@@ -142,11 +142,6 @@ def check_limits(variables: KickVariables) -> None:
             )
 
 
-def _usable(limit: Array) -> Array:
-    """Return limits in which one of 0, which is no limit, is infinite."""
-    return np.where(limit > 0.0, limit, np.inf)
-
-
 def _reached(what: str, names: tuple[str, ...], use: Array) -> list[str]:
     pairs = zip(names, use.tolist(), strict=True)
     return [f"{what} of {name}" for name, share in pairs if share > 1.0 - 10 * TOLERANCE]
@@ -192,16 +187,11 @@ class MuscleTorqueLimit(TorqueLimit):
 
 
 class BodyClearance(KickTerm):
-    r"""Bodies are outside the ball or outside each other: their distances [m].
+    r"""Bodies of pairs are outside each other, or outside the ball, None: their distances [m].
 
     A body with the point p nearest to another body, or to the ball, has the distance d with
     :math:`\dot d = n_p \cdot (\dot x - \dot p)`, where :math:`n_p` points from p to the other's
     nearest point x; for the ball, x is the contact point, which carries it.
-
-    Args:
-        robot: with the shapes of its file.
-        variables: of the kick; their leg has the robot's frames by name.
-        pairs: of bodies; None is the ball.
     """
 
     kind, margin, required = Kind.INEQUALITY, 2 * TOLERANCE, False
@@ -295,10 +285,7 @@ class Balance(StanceTerm):
 class Clearance(StanceTerm):
     """The kicking foot is above the ground: heights of its spheres above `CLEARANCE` [m].
 
-    Args:
-        robot: with the shapes of its file.
-        leg: whose postures are evaluated; its contact frame is the robot's.
-        ground: height of the ground [m, world frame].
+    `robot` has the shapes of its file; `leg`, whose postures are evaluated, the same contact frame.
     """
 
     scale = LENGTH
@@ -367,11 +354,8 @@ class SupportImpulse(Function[KickPoint]):
     """The impulse of the ground on the supporting foot is one that the ground can supply.
 
     The values are the normal impulse [N s]; the same times the distances of the centre of pressure
-    from the sole's edges over `LENGTH`; and, with friction, what is left of it.
-
-    Args:
-        standing: the robot.
-        impulse: on the ball, shape `(3,)` [N s, world frame].
+    from the sole's edges over `LENGTH`; and, with friction, what is left of it. The impulse on the
+    ball has the shape `(3,)` [N s, world frame].
     """
 
     kind, margin, required = Kind.INEQUALITY, 2 * TOLERANCE, False

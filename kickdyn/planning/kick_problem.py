@@ -272,8 +272,8 @@ def _without_terms(robot: Leg, target: ImpactTarget, draw: np.random.Generator) 
 def solve_kick(problem: KickProblem, objective: Objective) -> tuple[KickProblem, KickPoint]:
     """Return the best solution of a problem; where none meets the goal, the strongest kick.
 
-    Before it comes the problem; where no point keeps an optional term, the problem without it.
-    Where bodies are inside each other, it is solved again with a term that keeps these apart.
+    Before it comes the problem, without optional terms that no point keeps, and with a term that
+    keeps bodies apart which are otherwise inside each other.
 
     Raises:
         InvalidInput: no posture keeps the terms, with the reason.
@@ -339,18 +339,16 @@ def explain_infeasible(problem: KickProblem) -> str:
     """Return why a problem has no solution: the last terms without which it has one."""
     *_, problem = problem.variants()
     for explanation in dict.fromkeys(term.explanation for term in reversed(problem.terms)):
-        if explanation and _is_feasible_without(
-            problem, [term for term in problem.terms if term.explanation == explanation]
-        ):
+        omitted = [term for term in problem.terms if term.explanation == explanation]
+        if explanation and _is_feasible(problem.without(omitted)):
             return explanation
-    if _is_feasible_without(problem, [term for term in problem.terms if term.explanation]):
+    if _is_feasible(problem.without(term for term in problem.terms if term.explanation)):
         return "it has one only without two or more of its conditions"
     return "the ranges of its joints allow none"
 
 
-def _is_feasible_without(problem: KickProblem, omitted: list[Term[KickPoint]]) -> bool:
-    relaxed = problem.without(omitted)
-    return bool(relaxed.solve(LargestShare(), relaxed.starts()))
+def _is_feasible(problem: KickProblem) -> bool:
+    return bool(problem.solve(LargestShare(), problem.starts()))
 
 
 def _touches(ball: BallPosition, point: KickPoint) -> bool:
@@ -365,9 +363,11 @@ def _foot_directions(variables: KickVariables, draw: np.random.Generator) -> Arr
     return np.asarray(directions[:, gains > 1e-9 * gains[0]].T)
 
 
-def _leaves(directions: Array, vector: Array) -> bool:
+def _leaves(directions: Array, vector: Array, size: float | None = None) -> bool:
+    """Return whether a vector has a part, over its size, across all directions."""
     residual = vector - directions.T @ (directions @ vector)
-    return bool(np.linalg.norm(residual) > 1e-6 * np.linalg.norm(vector))
+    size = float(np.linalg.norm(vector)) if size is None else size
+    return bool(np.linalg.norm(residual) > 1e-6 * size)
 
 
 def _check_directions(variables: KickVariables, directions: Array) -> None:
@@ -392,12 +392,10 @@ def _check_sliding(variables: KickVariables, directions: Array) -> None:
     target, drawn = variables.target, np.linspace(variables.lower, variables.upper, 3)
     ball = target.surface_velocity
     bases = [variables.posture(q).transport_velocity for q in drawn]
-    speed = max(np.linalg.norm(velocity) for velocity in (ball, *bases))
+    speed = max(float(np.linalg.norm(velocity)) for velocity in (ball, *bases))
     if target.contact.friction == 0.0 or speed == 0.0:
         return
-    relative = [ball - base for base in bases]
-    residuals = [vector - directions.T @ (directions @ vector) for vector in relative]
-    if max(np.linalg.norm(vector) for vector in residuals) > 1e-6 * speed:
+    if any(_leaves(directions, ball - base, speed) for base in bases):
         mover = "ball" if np.linalg.norm(ball) > 0.0 else "base"
         raise InvalidInput(
             f"the velocity of the {mover} leaves the plane in which the foot of "

@@ -230,7 +230,13 @@ def solve_launch(
         norm = float(np.linalg.norm(errors / scale))
         for halvings in range(12):
             shorter = np.asarray(step * 0.5**halvings)
-            trial = np.append(step_in_root(x[:3], shorter[:3]), x[3:] + shorter[3:])
+            # The step is taken in v / sqrt(|v|): drag makes the flight a curved function of the
+            # launch speed, and less so of its root.
+            speed = float(np.linalg.norm(x[:3]))
+            along = x[:3] / speed
+            root = x[:3] + shorter[:3] - 0.5 * along * (along @ shorter[:3])  # times sqrt(speed)
+            velocity = root * float(np.linalg.norm(root)) / speed
+            trial = np.append(velocity, x[3:] + shorter[3:])
             if trial[-1] <= 0.0:
                 continue
             known_slopes = slopes if norm < NEAR_SOLUTION and not last_slopes else None
@@ -244,18 +250,6 @@ def solve_launch(
     if flight is None or not np.abs(errors / scale).max() <= accuracy:
         return None
     return LaunchSolution(x, errors, np.array(history), flight, slopes)
-
-
-def step_in_root(velocity: Array, step: Array) -> Array:
-    r"""Return a velocity after a Newton step that is taken in :math:`v / \sqrt{|v|}`.
-
-    Drag makes the flight a curved function of the launch speed, and less so of its root: a goal of
-    50 m in 2 s takes 3 steps in place of 4. Shapes are `(n,)`.
-    """
-    speed = float(np.linalg.norm(velocity))
-    direction = velocity / speed
-    root = velocity + step - 0.5 * direction * (direction @ step)  # times sqrt(speed)
-    return np.asarray(root * float(np.linalg.norm(root)) / speed)
 
 
 def goal_condition(goal: Goal, x: Array, flight: DifferentiableFlight) -> tuple[float, Array]:

@@ -5,7 +5,7 @@ The foot's velocity and normal follow from the launch as for a ball at rest, wit
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -158,7 +158,14 @@ class Meeting(ReprMixin):
             state = BallState(
                 seen.position + change[4:], seen.velocity + change[1:4], seen.spin, seen.time
             )
-            path = _near(replace(incoming, state=state).course(ball, air, wait + TIME_BEYOND), wait)
+            course = replace(incoming, state=state).course(ball, air, wait + TIME_BEYOND)
+
+            def path(t: float) -> BallState:
+                """Return the ball, straight on beyond the ends of its path."""
+                inside = min(max(t, 0.0), course.duration)
+                ball = course.sample(inside)
+                place = ball.position + (t - inside) * ball.velocity
+                return BallState(place, ball.velocity, ball.spin)
 
             def gap(t: float) -> float:
                 apart = path(t).position - foot - velocity * (t - wait - change[0])
@@ -187,17 +194,6 @@ def arrival_of(meeting: Meeting, ball: Ball) -> Arrival:
     """Return the path of the ball from where it was seen to where it is met."""
     wait = meeting.wait
     return Arrival(meeting.incoming.course(ball, meeting.air, max(wait, SHORTEST_COURSE)), wait)
-
-
-def _near(course: Course, wait: float) -> Callable[[float], BallState]:
-    """Return the ball as a function of time, straight on beyond the ends of its path."""
-
-    def at(t: float) -> BallState:
-        inside = min(max(t, 0.0), course.duration)
-        state = course.sample(inside)
-        return BallState(state.position + (t - inside) * state.velocity, state.velocity, state.spin)
-
-    return at
 
 
 COLOURS = "tab:blue", "tab:orange"

@@ -271,22 +271,18 @@ class Interceptor:
         if isinstance(goal, Goal):
             goal = goal.seen_from(before.position - incoming.state.position, wait)
             if s.surface is not None:
-                _check_on_ground(before, s.ball, incoming)
+                assert incoming.ground is not None
+                above = float(before.position[2]) - s.ball.radius - incoming.ground.height
+                if abs(above) > IN_GROUND:
+                    raise InvalidInput(
+                        f"the ball is {above:.3g} m above the ground where it is met: a pass along "
+                        "the ground is for a ball that rolls"
+                    )
                 if abs(goal.target[2]) <= IN_GROUND:  # it lies as the ball does, but for rounding
                     goal = replace(goal, target=goal.target * [1.0, 1.0, 0.0])
         task = ImpactTask.make(s, goal, before, before.position, incoming, self._near)
         self._near = task.launch if isinstance(task.launch, Launch) else None
         return task
-
-
-def _check_on_ground(before: BallState, ball: Ball, incoming: IncomingBall) -> None:
-    assert incoming.ground is not None
-    above = float(before.position[2]) - ball.radius - incoming.ground.height
-    if abs(above) > IN_GROUND:
-        raise InvalidInput(
-            f"the ball is {above:.3g} m above the ground where it is met: a pass along the ground "
-            "is for a ball that rolls"
-        )
 
 
 def plan_interception(incoming: IncomingBall, settings: KickSettings) -> KickPlan:

@@ -277,17 +277,20 @@ def _largest(
     start: KickPlan | None = None
     met, beyond, reason, speed = 0.0, None, "", FIRST_SPEED
     for _ in range(MOST_TRIES):
-        share = 1.0
+        share, failed = 1.0, ""
         try:
             planned = plan(speed, start)
         except InvalidInput as error:
             if not met and speed < 0.1 * FIRST_SPEED:
                 raise
-            failed: str | None = str(error)
+            failed = str(error)
         else:
-            failed = None if planned.status == PlanStatus.MET else _why(planned)
+            if planned.status == PlanStatus.BEYOND_LIMITS and planned.binding:
+                failed = planned.binding[0]
+            elif planned.status != PlanStatus.MET:
+                failed = (*planned.warnings, str(planned.status))[0].partition(";")[0]
             share = planned.share
-        if failed is None:
+        if not failed:
             if start is None and planned.motion is not None:
                 beyond, reason = None, ""  # what failed from rest may be met from this motion
             met, start = speed, planned
@@ -305,13 +308,6 @@ def _largest(
         middle = 0.5 * (met + beyond)
         speed = hint if failed and (1.0 + tolerance) * met < hint < 0.98 * beyond else middle
     return ReachRow(*place, met, beyond, reason, 0.0, 0.0)
-
-
-def _why(plan: KickPlan) -> str:
-    """Return why a plan is not met, in a few words."""
-    if plan.status == PlanStatus.BEYOND_LIMITS and plan.binding:
-        return plan.binding[0]
-    return plan.warnings[0].partition(";")[0] if plan.warnings else str(plan.status)
 
 
 def _write(file: str | os.PathLike[str], settings: Any, rows: Iterable[ReachRow]) -> None:

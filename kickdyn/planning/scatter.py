@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from kickdyn.air import Air
-from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.mechanics import cross
 from kickdyn.core.representation import ReadOnlyArrays, freeze_arrays
@@ -69,17 +68,13 @@ def scatter(impact: Impact, air: Air | None = None, **spread: float) -> Scatter:
     Raises:
         InvalidInput: an unknown source or none, a value below 0, another law, or no landing.
     """
-    sizes = checked_spread(spread)
-    landing, slopes = landing_slopes(impact.ball_after, impact.ball, air)
-    by_source = landing_covariances(impact, slopes, sizes)
-    return Scatter(landing, np.sum(list(by_source.values()), axis=0), by_source)
-
-
-def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array, Array]:
-    """Return the landing at the height of the launch, `(2,)` [m], and its derivatives, `(2, 7)`.
-
-    They are by velocity [s], spin [m s] and relative drag coefficient [m].
-    """
+    if not spread:
+        raise InvalidInput(f"no source is named: choose among {', '.join(UNITS)}")
+    for name, value in spread.items():
+        if name not in UNITS:
+            raise InvalidInput(f"source {name!r} is unknown: choose among {', '.join(UNITS)}")
+        validation.number(f"spread of {name}", value, at_least=0, at_most=1, unit=UNITS[name])
+    state, ball = impact.ball_after, impact.ball
     level = Plane(state.position, (0.0, 0.0, 1.0), "centre")
     try:
         path = fly_with_launch_slopes(state, ball, air, level, FLIGHT_TOL)
@@ -87,26 +82,8 @@ def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array
         path = None
     if path is None or not path.end > 0.0:
         raise InvalidInput("the ball does not fly up and come down: there is no landing to scatter")
-    slopes, _ = path.slopes_at_plane(level.normal, path.end)
-    return path.position(path.end)[:2], slopes[:2]
-
-
-def landing_covariances(
-    impact: Impact, slopes: Array, sizes: Mapping[str, float]
-) -> dict[str, Array]:
-    """Return the landing's covariance by source, each of shape `(2, 2)` [m2].
-
-    The slopes come from `landing_slopes`; sizes are standard deviations.
-    """
-    launch = _launch_slopes(impact)
-    landing = {source: slopes[:, :6] @ change for source, change in launch.items()}
-    landing["drag"] = slopes[:, 6:]
-    return {name: size**2 * landing[name] @ landing[name].T for name, size in sizes.items()}
-
-
-def _launch_slopes(impact: Impact) -> dict[str, Array]:
-    """Return derivatives of velocity and spin by each source's components, shape `(6, k)`."""
-    slopes, ball = impact.sensitivity(of_leg=False), impact.ball
+    by_launch = path.slopes_at_plane(level.normal, path.end)[0][:2]  # and by the drag, last
+    slopes, foot = impact.sensitivity(of_leg=False), impact.foot_velocity
     by = {
         source: np.vstack([slopes.velocity[source], slopes.spin[source]])
         for source in ("normal", "restitution")
@@ -115,32 +92,24 @@ def _launch_slopes(impact: Impact) -> dict[str, Array]:
     by_foot = -np.vstack(
         [slopes.impulse["ball_velocity"] / ball.mass, slopes.spin["ball_velocity"]]
     )
-    foot = impact.foot_velocity
-    return {
+    launch = {
         "speed": by_foot @ foot[:, None],
         "angle": by_foot @ (math.hypot(*foot) * _across(foot)),
         "contact": by["normal"] @ (-_across(impact.contact.normal) / ball.radius),
         "restitution": by["restitution"],
     }
+    landing = {source: by_launch[:, :6] @ change for source, change in launch.items()}
+    landing["drag"] = by_launch[:, 6:]
+    by_source = {name: value**2 * landing[name] @ landing[name].T for name, value in spread.items()}
+    mean = path.position(path.end)[:2]
+    return Scatter(mean, np.sum(list(by_source.values()), axis=0), by_source)
 
 
 def _across(direction: Array) -> Array:
+    """Return the unit vectors upwards and sideways across a direction, as columns."""
     along = direction / math.hypot(*direction)
     left = np.array([-along[1], along[0], 0.0])
     if np.linalg.norm(left) < 1e-9:  # the direction is vertical
         left = np.array([0.0, 1.0, 0.0])
     left /= np.linalg.norm(left)
     return np.column_stack([cross(along, left), left])
-
-
-def checked_spread(spread: Mapping[str, float]) -> dict[str, float]:
-    """Return standard deviations by source, or raise `InvalidInput`."""
-    if not spread:
-        raise InvalidInput(f"no source is named: choose among {', '.join(UNITS)}")
-    for name in spread:
-        if name not in UNITS:
-            raise InvalidInput(f"source {name!r} is unknown: choose among {', '.join(UNITS)}")
-    return {
-        name: validation.number(f"spread of {name}", value, at_least=0, at_most=1, unit=UNITS[name])
-        for name, value in spread.items()
-    }

@@ -130,28 +130,25 @@ class MotionCheck(ReprMixin):
         from matplotlib.figure import Figure
 
         table = self.launches
-        time, centre = table.time.values, table.ball_position.values
+        time, worst = table.time.values, sorted(self.broken, key=lambda limit: -limit.frames)
         figure = Figure(figsize=(9.0, 9.0))
         rows = figure.subplots(4, 1, sharex=True)
         for axes, label, values in (
             (rows[0], "ball speed [m/s]", table.ball_speed.values[:, None]),
             (rows[1], "elevation [deg]", np.degrees(table.elevation.values)[:, None]),
-            (rows[2], "centre of the ball [m]", centre[:, :2]),
+            (rows[2], "centre of the ball [m]", table.ball_position.values[:, :2]),
         ):
             axes.plot(time, values)
             axes.set_ylabel(label)
         rows[2].legend(rows[2].lines, ["x", "y"])
-        worst = sorted(self.broken, key=lambda limit: -limit.frames)[:DRAWN_LIMITS]
-        for limit in worst:
+        for limit in worst[:DRAWN_LIMITS]:
             name = limit.name if limit.unit == "1" else f"{limit.name} [{limit.unit}]"
             rows[3].plot(time, self.margins[name], label=name.replace("$", r"\$"))
-        rows[3].set_ylabel("margin")
+        rows[3].set(ylabel="margin", xlabel="time [s]")
         if worst:
             rows[3].legend()
-        for axes in rows:
-            if self.best is not None:
-                axes.axvline(time[self.best], color="0.6", linewidth=1, linestyle=":")
-        rows[3].set_xlabel("time [s]")
+        for axes in rows if self.best is not None else ():
+            axes.axvline(time[self.best], color="0.6", linewidth=1, linestyle=":")
         figure.suptitle((self.motion.leg.name or "leg").replace("$", r"\$"))
         return figure
 
@@ -161,14 +158,15 @@ class MotionCheck(ReprMixin):
         columns = {
             name: [finite(x) for x in table[name].values.tolist()] for name in ("time", *SCALARS)
         }
-        document: dict[str, Any] = {"rate": self.motion.rate, "best": None, "launches": columns}
+        best_frame: dict[str, Any] | None = None
         if best is not None:
             joint, impulse = self.worst_joint(best)
-            document["best"] = {
-                "frame": best, **{name: values[best] for name, values in columns.items()},
-                "worst_joint": joint, "worst_joint_impulse": impulse,
-            }  # fmt: skip
-        return document | {
+            best_frame = {"frame": best, **{name: values[best] for name, values in columns.items()}}
+            best_frame |= {"worst_joint": joint, "worst_joint_impulse": impulse}
+        return {
+            "rate": self.motion.rate,
+            "best": best_frame,
+            "launches": columns,
             "status": [str(statuses[k]) for k in table.status.values],
             "broken": [limit._asdict() for limit in self.broken],
             "warnings": list(self.warnings),

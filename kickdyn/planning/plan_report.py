@@ -45,11 +45,7 @@ def passage_of(wall: Wall, plan: KickPlan) -> Passage | None:
 
 
 def describe_passage(wall: Wall, plan: KickPlan) -> str:
-    """Return by how much the ball clears the wall, as a sentence.
-
-    Raises:
-        InvalidInput: it does not.
-    """
+    """Return by how much the ball clears the wall, as a sentence; `InvalidInput` if it does not."""
     check_before(wall, plan.aim.distance)
     passage = passage_of(wall, plan)
     if passage is None:
@@ -136,13 +132,15 @@ class PlanReport:
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as what JSON can hold: SI units, degrees where a name says so."""
-        plan, launch, impact, leg = self.plan, self.plan.launch, self.plan.impact, self.plan.leg
+        plan, impact, leg = self.plan, self.plan.impact, self.plan.leg
         up, left = plan.impact_target.contact_offset
         masses = impact.posture.effective_mass_limits(impact.contact.normal)
+        joint, joint_impulse = impact.worst_joint
+        errors = "landing_error time_error" if isinstance(plan.goal, Goal) else "velocity_error"
         report = {
             "status": plan.status,
             "goal": _goal_json(plan.goal),
-            "launch": _launch_json(launch),
+            "launch": _launch_json(plan.launch),
             "impact": {
                 **_attributes(impact, "impulse foot_velocity restitution"),
                 "restitution_given": impact.contact.restitution,
@@ -157,14 +155,12 @@ class PlanReport:
                 "q_deg": leg.angles_deg(plan.q),
                 "q_m": leg.positions_m(plan.q),
                 **_attributes(plan, "v objective value binding speed_use torque_use"),
-                "worst_joint": impact.worst_joint[0],
-                "worst_joint_impulse": impact.worst_joint[1],
+                "worst_joint": joint,
+                "worst_joint_impulse": joint_impulse,
             },
             "time": plan.path.duration,
-            **_attributes(plan, "share warnings"),
+            **_attributes(plan, f"share warnings {errors}"),
         }
-        errors = "landing_error time_error" if isinstance(plan.goal, Goal) else "velocity_error"
-        report |= _attributes(plan, errors)
         if plan.corrected_by:
             report["corrected_by"] = plan.corrected_by
         if plan.meeting is not None:
@@ -172,8 +168,7 @@ class PlanReport:
             if isinstance(plan.goal, Goal):
                 meeting["target_position"] = plan.target_position.tolist()
             meeting["landing_slopes"] = slopes and _attributes(slopes, "time velocity place")
-            report["meeting"] = meeting
-            report["meetings"] = [_meeting_json(meeting) for meeting in plan.meetings]
+            report |= {"meeting": meeting, "meetings": [_meeting_json(x) for x in plan.meetings]}
         if self.wall is not None:
             above, beside, _ = passage_of(self.wall, plan) or (None, None, None)
             report["wall"] = {"above": above, "beside": beside}
@@ -188,11 +183,8 @@ class PlanReport:
             }
         if plan.motion is not None:
             samples = plan.motion.samples(SAMPLE_RATE)
-            report["motion"] = {
-                "joints": samples.joints,
-                "time": samples.t.tolist(),
-                **_attributes(samples, "q v torque ground_wrench"),
-            }
+            numbers = _attributes(samples, "q v torque ground_wrench")
+            report["motion"] = {"joints": samples.joints, "time": samples.t.tolist(), **numbers}
         return report
 
 
@@ -241,12 +233,12 @@ def _landing_slopes(plan: KickPlan) -> LandingSlopes | None:
 
 def _verdict_of_trap(plan: KickPlan) -> str:
     after, path, wished = plan.impact.ball_after, plan.path, plan.launch.velocity
-    spin = math.hypot(*after.spin)
-    moves = f"with {after.speed:.3g} m/s" if plan.share < 1.0 or wished.any() else "at rest"
-    turns = f", with a spin of {spin:.3g} rad/s" if spin > 1e-9 else ""
-    release = f"The foot leaves the ball {moves}{turns}"
+    spin, speed = math.hypot(*after.spin), math.hypot(*wished)
+    release = "The foot leaves the ball "
+    release += f"with {after.speed:.3g} m/s" if plan.share < 1.0 or speed else "at rest"
+    release += f", with a spin of {spin:.3g} rad/s" if spin > 1e-9 else ""
     if plan.share < 1.0:
-        wish = f"velocity of {math.hypot(*wished):.3g} m/s" if wished.any() else "rest"
+        wish = f"velocity of {speed:.3g} m/s" if speed else "rest"
         line = (
             f"The wished {wish} is beyond the limits of the leg{_limits(plan)}: it can give the "
             f"ball {plan.share:.0%} of the change of velocity. {release}, "
@@ -322,8 +314,7 @@ def _least_friction(frame: str, plan: KickPlan) -> float | None:
 
 
 def _describe_stance(frame: str, plan: KickPlan) -> str:
-    friction, state = _least_friction(frame, plan), plan.impact.footing[frame]
-    needs = ""
+    friction, state, needs = _least_friction(frame, plan), plan.impact.footing[frame], ""
     if state == "stands" and friction:
         needs = f", which needs a coefficient of friction of {friction:.2g} or more"
     elif state == "turns":
@@ -348,32 +339,29 @@ def _attributes(source: object, names: str) -> dict[str, Any]:
 
 def _launch_lines(plan: KickPlan) -> list[str]:
     """Return the launch, or the reached and the wished one of a plan beyond limits."""
-    wished = plan.launch.velocity
-    lines = [("reached", plan.impact.ball_after.velocity), ("wished", wished)]
+    wished, has_target = plan.launch.velocity, isinstance(plan.goal, Goal)
+    named = [("reached", plan.impact.ball_after.velocity), ("wished", wished)]
     if plan.share == 1.0:
-        lines = [("launch" if isinstance(plan.goal, Goal) else "ball", wished)]
-    return [f"{name:8}{_velocity_in_words(plan, velocity)}" for name, velocity in lines]
-
-
-def _velocity_in_words(plan: KickPlan, velocity: Array) -> str:
-    x, y, z = velocity.tolist()
-    if not isinstance(plan.goal, Goal):
-        return f"({', '.join(_rounded(value, 4) for value in (x, y, z))}) m/s after the contact"
-    angle, azimuth = math.atan2(z, math.hypot(x, y)), math.atan2(y, x)
-    return (
-        f"{math.hypot(x, y, z):.4f} m/s, {_rounded(math.degrees(angle), 3)} deg above the "
-        f"horizontal, {_aside(math.degrees(azimuth), 3, 'deg')}"
-    )
+        named = [("launch" if has_target else "ball", wished)]
+    lines = []
+    for name, velocity in named:
+        x, y, z = velocity.tolist()
+        angle, azimuth = math.atan2(z, math.hypot(x, y)), math.atan2(y, x)
+        text = f"({', '.join(_rounded(value, 4) for value in (x, y, z))}) m/s after the contact"
+        if has_target:
+            text = (
+                f"{math.hypot(x, y, z):.4f} m/s, {_rounded(math.degrees(angle), 3)} deg above the "
+                f"horizontal, {_aside(math.degrees(azimuth), 3, 'deg')}"
+            )
+        lines.append(f"{name:8}{text}")
+    return lines
 
 
 def _launch_json(launch: Launch | Pass | BallState) -> dict[str, Any]:
     if isinstance(launch, BallState):
         return _attributes(launch, "speed velocity spin")
-    return {
-        **_attributes(launch, "speed velocity spin time iterations"),
-        "angle_deg": math.degrees(launch.angle),
-        "azimuth_deg": math.degrees(launch.azimuth),
-    }
+    angles = {"angle_deg": math.degrees(launch.angle), "azimuth_deg": math.degrees(launch.azimuth)}
+    return _attributes(launch, "speed velocity spin time iterations") | angles
 
 
 def _goal_json(goal: Goal | BallState) -> dict[str, Any]:
@@ -384,12 +372,9 @@ def _goal_json(goal: Goal | BallState) -> dict[str, Any]:
 
 
 def _meeting_json(meeting: Meeting) -> dict[str, Any]:
-    numbers = _attributes(meeting.ball, "position velocity spin")
     use = meeting.speed_use if meeting.impact is not None else None
-    return {
-        "time": meeting.time, **numbers,
-        "share": meeting.share, "speed_use": use, "reason": meeting.reason,
-    }  # fmt: skip
+    numbers = _attributes(meeting.ball, "time position velocity spin")
+    return numbers | {"share": meeting.share, "speed_use": use, "reason": meeting.reason}
 
 
 def _rounded(value: float, digits: int) -> str:

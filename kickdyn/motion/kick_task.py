@@ -47,8 +47,7 @@ from kickdyn.motion.limits import (
     TorqueLimit,
     Twist,
 )
-from kickdyn.motion.splines import Rows, make_rows
-from kickdyn.motion.symbolic_tree import SymbolicTree
+from kickdyn.motion.motion_program import Rows, SymbolicTree, make_rows
 from kickdyn.restitution import rows_of
 from kickdyn.robot.ground_clearance import Spheres, extreme_spheres
 from kickdyn.robot.kicking_chain import UNLIMITED, assumed_speed_limit

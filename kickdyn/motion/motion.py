@@ -2,10 +2,10 @@
 
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -39,17 +39,6 @@ class Phase(NamedTuple):
     end: float
 
 
-class Limits(Protocol):
-    """What a motion must keep."""
-
-    @property
-    def joints(self) -> Sequence[str]:
-        """All joints that move or give way, in the order of q."""
-
-    def margins(self, q: Array, v: Array, a: Array) -> Mapping[str, float]:
-        """Return the distance from each limit by its name, at q, v and a of `joints`."""
-
-
 def settling(t: Array) -> Array:
     r"""Return q, v and a after the impact of a joint that was at rest, over its velocity after it.
 
@@ -80,7 +69,7 @@ class Motion(ReprMixin):
             joints].
         after: likewise from 0 to `end`.
         placement: `pin.SE3` of the supporting frame in the world; None on a fixed base.
-        limits: what the motion keeps, for `margins`; None if there is nothing to keep.
+        limits: what it keeps, for `margins`, as `Margins`; None if there is nothing to keep.
         warnings: a line for each limit that the motion does not keep.
         solution: from which the planner of nearly the same motion starts, if any.
         shift: of the weight from both feet onto the supporting one, before the backswing; in
@@ -94,7 +83,7 @@ class Motion(ReprMixin):
     before: BSpline
     after: BSpline
     placement: Any = None
-    limits: Limits | None = None
+    limits: Any = None
     warnings: tuple[str, ...] = ()
     solution: Any = None
     aside: Mapping[str, float] = field(default_factory=dict)
@@ -211,7 +200,8 @@ class Motion(ReprMixin):
             return {}
         order = [(*self.joints, *self.pushed).index(name) for name in self.limits.joints]
         q, v, a = (values[order] for values in self._every_state(t))
-        return self.limits.margins(q, v, a)
+        margins: Mapping[str, float] = self.limits.margins(q, v, a)
+        return margins
 
     @styled()
     def plot(self) -> Any:

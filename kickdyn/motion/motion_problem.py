@@ -34,8 +34,7 @@ from kickdyn.motion.limits import (
     TorqueLimit,
 )
 from kickdyn.motion.motion import settling
-from kickdyn.motion.separation import BALL_RESERVE, RESERVE, Conditions, Surroundings
-from kickdyn.motion.splines import (
+from kickdyn.motion.motion_program import (
     OPTIONS,
     TOLERANCE,
     Block,
@@ -44,13 +43,14 @@ from kickdyn.motion.splines import (
     Multipliers,
     Rows,
     Solution,
+    SymbolicTree,
     block_solver,
     integration_weights,
     make_rows,
     per_joint,
     taken_over,
 )
-from kickdyn.motion.symbolic_tree import SymbolicTree
+from kickdyn.motion.separation import BALL_RESERVE, RESERVE, Conditions, Surroundings
 from kickdyn.motion.weight_shift import Feet
 from kickdyn.robot.kicking_chain import rest_configuration
 

@@ -12,8 +12,8 @@ from kickdyn.errors import InvalidInput
 from kickdyn.motion.kick_task import KickTask, check_limits, check_sole
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import MotionProblem
+from kickdyn.motion.motion_program import MotionSplines, Solution
 from kickdyn.motion.separation import Conditions, Surroundings, with_former
-from kickdyn.motion.splines import MotionSplines, Solution
 from kickdyn.motion.verdict import POINTS, Nearness, Verdict, best_of
 from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg

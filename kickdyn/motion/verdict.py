@@ -16,8 +16,8 @@ from kickdyn.motion.limits import (
 )
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import MotionProblem
+from kickdyn.motion.motion_program import Solution, integration_weights
 from kickdyn.motion.separation import ALLOWED, Conditions, Surroundings
-from kickdyn.motion.splines import Solution, integration_weights
 from kickdyn.motion.weight_shift import Feet, WeightShift, least_by_name
 
 POINTS, FINER = (2, 4), 10

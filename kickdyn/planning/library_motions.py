@@ -20,11 +20,16 @@ from kickdyn.impact.strike import strike
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.kick_task import KickTask
 from kickdyn.motion.motion import SETTLING
+from kickdyn.motion.motion_program import (
+    MotionSplines,
+    Multipliers,
+    Solution,
+    integration_weights,
+    joint_axis,
+)
 from kickdyn.motion.plan_motion import continue_motion, motion_problem, plan_motion
 from kickdyn.motion.separation import ALLOWED as DEEPEST
 from kickdyn.motion.separation import Conditions
-from kickdyn.motion.splines import MotionSplines, Multipliers, Solution, integration_weights
-from kickdyn.motion.symbolic_tree import joint_axis
 from kickdyn.motion.verdict import POINTS, Verdict
 from kickdyn.planning.kick import motion_task
 from kickdyn.planning.kick_problem import kick_problem

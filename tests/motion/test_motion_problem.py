@@ -17,7 +17,7 @@ from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.kick_task import TURN_SCALE, KickTask
 from kickdyn.motion.limits import SpeedLimit, TorqueLimit
 from kickdyn.motion.motion_problem import SHARE, MotionProblem
-from kickdyn.motion.splines import (
+from kickdyn.motion.motion_program import (
     Block,
     Cost,
     MotionSplines,

@@ -11,12 +11,7 @@ from tolerances import agrees, closed_form, optimized
 import kickdyn as kd
 from kickdyn.planning import moving_kick as module
 from kickdyn.planning.interception import CANDIDATES, Reach, reach_of
-from kickdyn.planning.kick_steps import (
-    KickSettings,
-    SolvedKick,
-    checked_contact,
-    launch_for,
-)
+from kickdyn.planning.kick_steps import KickSettings, SolvedKick, checked_contact, launch_for
 from kickdyn.planning.kick_terms import KickObjective, KickPoint
 from kickdyn.planning.moving_kick import Interceptor
 from kickdyn.planning.plan_report import PlanReport

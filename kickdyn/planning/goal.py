@@ -46,22 +46,17 @@ class PlanStatus(StrEnum):
 
 
 class LaunchLimit(StrEnum):
-    """Reasons why no launch or pass meets a goal."""
+    """Reasons why no launch or pass meets a goal, see `REASONS`."""
 
     SPEED = "speed-limit"
     SPIN = "spin-limit"
     LEAST_SPEED = "least-speed"
-    """A slower launch does not come to the target."""
     LOWEST_PATH = "lowest-path"
     HIGHEST_PATH = "highest-path"
     GROUND = "ground"
-    """The flight would lead through it."""
     ROLLING = "rolling"
-    """So slow a ball stops before."""
     BOUNCE = "bounce"
-    """The place of the last bounce jumps as the speed changes."""
     SEARCH = "search"
-    """Newton's method does not converge, though no limit is in the way."""
 
 
 REASONS = {
@@ -75,7 +70,7 @@ REASONS = {
     LaunchLimit.SEARCH: "Newton's method finds no launch, though no limit is in the way",
     LaunchLimit.BOUNCE: "the place where the ball bounces jumps as its speed changes",
 }
-"""Why no launch within limits of speed and spin meets a goal, as the end of a sentence."""
+"""Why no launch within limits meets a goal, as the end of a sentence."""
 
 
 class Arc(StrEnum):
@@ -251,7 +246,7 @@ class Goal(ReprMixin):
 
     def nominal_times(self) -> list[float]:
         """Return the times of flight [s] that meet the goal in the vacuum, from Eqs. (24)-(25)."""
-        rise, g = float(self.target[2]), GRAVITY
+        rise, g, square = float(self.target[2]), GRAVITY, float(self.target @ self.target)
         if self.time is not None:
             return [self.time]
         if self.apex is not None:
@@ -259,17 +254,16 @@ class Goal(ReprMixin):
                 return []
             return [(math.sqrt(2 * g * self.apex) + math.sqrt(2 * g * (self.apex - rise))) / g]
         if self.over is not None:
-            fraction = self.over[0] / self.distance
-            square = 2 * (self.over[1] - fraction * rise) / (g * fraction * (1 - fraction))
-            return [math.sqrt(square)] if square > 0 else []
+            part = self.over[0] / self.distance
+            squared_time = 2 * (self.over[1] - part * rise) / (g * part * (1 - part))
+            return [math.sqrt(squared_time)] if squared_time > 0 else []
         assert self.speed is not None
         half = (self.speed**2 - g * rise) / 2
-        root = half * half - (g / 2) ** 2 * float(self.target @ self.target)
+        root = half * half - (g / 2) ** 2 * square
         if root < 0 or half <= 0:
             return []
-        squares = [(half + sign * math.sqrt(root)) / (g * g / 4) for sign in (-1, 1)]
-        squares[0] = float(self.target @ self.target) / (half + math.sqrt(root))
-        return [math.sqrt(square) for square in squares]
+        high = half + math.sqrt(root)
+        return [math.sqrt(square / high), math.sqrt(high / (g * g / 4))]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -89,8 +89,8 @@ def plan_kick(
             left out, because a ball at rest takes spin across it only.
         ball: the ball; its mass and radius count.
         air: the air; None is the vacuum.
-        objective: a `KickObjective`; None is `joint-speed`, or `torque-squared` with a motion, for
-            which there is no other.
+        objective: a `KickObjective`; None is `joint-speed`, or `torque-squared`, the only one with
+            a motion.
         contact: restitution, friction and offset of the contact, without a normal. With None, the
             restitution is 0.8 as in the paper's Table 2 and the friction 0.4. Where the restitution
             depends on the speed of approach u, u (1 + e) must increase with u; without friction,
@@ -101,20 +101,19 @@ def plan_kick(
             -0.7042 for `Leg.human()`.
         incoming: a ball that moves, with `position`, in place of `ball_position`; an `IncomingBall`
             names its ground, or the time or place of the meeting. The goal is seen from its
-            position. See below.
+            position.
         limits: whether limits of speed and torque hold; limits of the joints' range always do. A
             joint without a limit of speed has the largest of the other joints, or, where none has
             one, none, and `joint-speed` counts it as 100 rad/s; an infinite torque always holds,
             and its use is 0; a limit of 0 is refused, or none with `limits=False`. With
             `limits="muscles"`, the largest torque falls with the speed at which the joint turns in
-            its direction, as with muscles (Hill 1938), to 0 at the speed limit: it is
-            :math:`(1 - u) / (1 + 4 u)` of the limit at the share u of the speed limit.
+            its direction, as with muscles (Hill 1938): it is :math:`(1 - u) / (1 + 4 u)` of the
+            limit at the share u of the speed limit.
         surface: surface of the ground, for a ball that is played along the ground as by
             `plan_pass`; the goal is then a time and a target at the height of the ball.
         motion: whether to plan the whole motion: from rest to the impact, and to rest again. It
-            chooses posture and joint velocity at the impact, too, and needs torque limits of all
-            joints that move, and `pip install "kickdyn[motion]"`. With `"both-feet"`, a standing
-            robot starts and ends at rest on both feet. See below.
+            needs torque limits of all joints that move, and `pip install "kickdyn[motion]"`. With
+            `"both-feet"`, a standing robot starts and ends at rest on both feet.
 
     A robot that stands on one foot kicks a ball that lies on the same ground, the plane z = 0. The
     foot lies on it as it does while all joints are at 0 and the base is upright; without a `sole`
@@ -129,10 +128,9 @@ def plan_kick(
     (5 mm inside count as touching); on one foot also the trunk's tilt, the kicking foot above the
     ground and beside the other foot, and, for the force of the ground and for its impulse in the
     impact, the centre of pressure in the sole (for the force, 3 mm from its edge), friction (0.7
-    where the `Support` names none) and the moment about the vertical. All limits are checked
-    between the solver's points, at ten times as many times. `status` is `met` only if all hold;
-    `warnings` names those that do not, with when and by how much. Where the whole launch cannot be
-    reached, `share` is what can.
+    where the `Support` names none) and the moment about the vertical. All limits are checked at ten
+    times as many times as the solver's; `warnings` names those that do not hold, with when and by
+    how much. Where the whole launch cannot be reached, `share` is what can.
 
     With `incoming`, the ball's path is followed to where the leg reaches it, and kicks are planned
     for several times on it; `plan.meeting` is the one of the least `speed_use`, and `plan.meetings`
@@ -208,10 +206,7 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None =
 
 
 def replan_turned(plan: KickPlan, velocity: Array, contact: Contact | None = None) -> KickPlan:
-    """Return the plan of `replan_motion`, where a standing robot is turned to another azimuth.
-
-    Its motion is planned for the azimuth of the plan and turned about the ball, see `turn_plan`.
-    """
+    """Return the plan of `replan_motion`, where a standing robot is turned to another azimuth."""
     if not is_floating(plan.leg):
         return replan_motion(plan, velocity, contact)
     before = plan.impact.ball_after.velocity

@@ -111,15 +111,13 @@ class KickPlan(ReprMixin):
     def replan(self, *, incoming: BallState | IncomingBall) -> "KickPlan":
         """Return the plan for the same ball seen again, met at the same time by the clock.
 
-        The target stays where it is in the world. The search starts from the posture of
-        this plan; if there is none near it, the whole plan is made again for this time.
-
-        Args:
-            incoming: the ball as it is seen now; its `time` is by the clock of the first one.
+        The target stays where it is in the world. The search starts from the posture of this plan;
+        if there is none near it, the whole plan is made again for this time. The `time` of
+        `incoming` is by the clock of the first one.
 
         Raises:
-            InvalidInput: a plan of a ball at rest, a ball seen after the time of the meeting, or
-                as for `plan_kick`.
+            InvalidInput: a plan of a ball at rest, a ball seen after the meeting, or as for
+                `plan_kick`.
         """
         if self._again is None or self.meeting is None:
             raise InvalidInput(
@@ -135,11 +133,8 @@ class KickPlan(ReprMixin):
     def plot(self) -> Any:
         """Return a figure of matplotlib: of the motion, or of the meetings with a ball that moves.
 
-        The latter shows the speed use of each meeting and how exact its timing must be, and where
-        errors of timing and perception bring the ball at the target.
-
-        Raises:
-            InvalidInput: a plan without either.
+        The latter shows the speed use of each meeting, and errors of timing and perception at the
+        target. A plan without either raises `InvalidInput`.
         """
         if self.motion is not None:
             return self.motion.plot()

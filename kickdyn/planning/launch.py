@@ -178,13 +178,11 @@ def plan_launch(
         speed_limit: largest speed of the launch [m/s], at most 343.
         spin_limit: largest spin that `beside` may take [rad/s].
         struck: the ball just before it is struck; velocity and spin count. Its spin along the
-            impulse stays, because no impulse changes that, and takes the place of what the goal
-            names. None leaves the spin as the goal names it.
+            impulse stays, in place of what the goal names. None leaves the spin as the goal has it.
         near: launch to a similar goal, near which the launch is sought first.
 
     Returns:
-        The launch, with all others that meet the goal; or the nearest there is, with status
-        `unreachable`.
+        The launch, with all others that meet the goal; or the nearest, with status `unreachable`.
 
     Raises:
         InvalidInput: a value out of range, or `beside` where no lift can bend the flight.

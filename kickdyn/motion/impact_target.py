@@ -98,15 +98,12 @@ class ImpactTarget(ReadOnlyArrays):
         return self._gain(1.0 + restitution_at(contact.restitution, speed) + speed * slope)
 
     def _gain(self, divisor: float) -> Array:
-        """Return the foot's velocity per change of velocity, `(3, 3)`; the divisor is along n."""
-        along, tangential = self._parts
-        return along / divisor + tangential
+        """Return the foot's velocity per change of velocity, `(3, 3)`; the divisor is along n.
 
-    @cached_property
-    def _parts(self) -> tuple[Array, Array]:
-        """The projections along the normal and, unless the contact has no friction, across it."""
+        Without friction, there is none across n.
+        """
         along = np.outer(self.contact.normal, self.contact.normal)
-        return along, np.zeros((3, 3)) if self.contact.friction == 0.0 else np.eye(3) - along
+        return along / divisor + (0.0 if self.contact.friction == 0.0 else np.eye(3) - along)
 
 
 def spin_change_limit(impulse: float, ball: Ball, contact: Contact) -> float:

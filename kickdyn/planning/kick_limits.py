@@ -30,6 +30,7 @@ from kickdyn.robot.ground_clearance import LARGEST_MESH, body_frames, extreme_sp
 from kickdyn.robot.human_body import muscle_share, muscle_share_slope
 from kickdyn.robot.kicking_chain import assumed_speed_limit, rest_configuration
 from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.model_validation import frames_by_name
 from kickdyn.robot.standing import StandingRobot, joint_spheres, sole_edges
 
 WITHOUT_LIMITS = "it has one without its speed and torque limits"
@@ -206,7 +207,8 @@ class BodyClearance(KickTerm):
         self._posture: Posture | None = None
         self._known: list[Proximity] = []
         bodies = (body for pair in self._pairs for body in pair if body is not None)
-        self._frames = {body.frame: variables.frames[body.frame] for body in bodies}
+        numbers = frames_by_name(variables.leg.workspace.model)
+        self._frames = {body.frame: numbers[body.frame] for body in bodies}
 
     def residual(self, posture: Posture, v: Array) -> Array:
         return TOUCHING - RESERVE - np.array([x.depth for x in self._contacts(posture)])

@@ -42,7 +42,7 @@ from kickdyn.planning.kick_terms import (
     place_exactly,
     turn_to_ball,
 )
-from kickdyn.planning.problem import TOLERANCE, Function, Problem, Term
+from kickdyn.planning.problem import TOLERANCE, Function, Kind, Problem, Term
 from kickdyn.robot.collisions import Body, bodies_at, find_self_collisions
 from kickdyn.robot.ground_clearance import TOLERANCE as ON_GROUND
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
@@ -172,7 +172,8 @@ class KickProblem:
     def rated(self) -> list[tuple[float, int, Array]]:
         """Return drawn postures with rating, number and unknowns, the best one first.
 
-        What a posture violates, over its scale, is added to the largest speed over its limit.
+        The rating is the largest speed over its limit, plus what the posture violates over its
+        scale: the length of the violation of equalities, and the sum over inequalities.
         """
         variables, scale, rated = self.variables, self.variables.velocity_scale, []
         rating = [f for f in self.terms if isinstance(f, Function) and f.rates_starts]
@@ -182,8 +183,12 @@ class KickProblem:
             needed = variables.target.foot_velocity(posture) - posture.transport_velocity
             v = np.linalg.pinv(rows, rcond=1e-2) @ needed
             point = variables.point(np.array([*q, *v, 1.0]))
-            violation = sum(term.total_violation(point) for term in rating)
-            rated.append((float(np.abs(v).max()) + violation, number, point.x))
+            total = float(np.abs(v).max())
+            for term in rating:
+                value = term.value(point) / term.scale
+                is_equal = term.kind == Kind.EQUALITY
+                total += float(np.linalg.norm(value) if is_equal else -np.minimum(value, 0.0).sum())
+            rated.append((total, number, point.x))
         return sorted(rated)
 
 

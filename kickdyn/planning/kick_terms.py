@@ -34,7 +34,6 @@ from kickdyn.robot.kicking_chain import (
     rest_configuration,
 )
 from kickdyn.robot.leg import Leg, Posture
-from kickdyn.robot.model_validation import frames_by_name
 
 DIFFERENCE_STEP = 1e-7
 """Step of the unknowns in the differences that stand for derivatives."""
@@ -71,11 +70,6 @@ class KickVariables:
         limit = assumed_speed_limit(chain.leg)
         self.velocity_scale = np.where(np.isfinite(limit), limit, UNLIMITED)
         self._rest = rest_configuration(leg)
-
-    @cached_property
-    def frames(self) -> dict[str, int]:
-        """Numbers of the leg's frames by name."""
-        return frames_by_name(self.leg.workspace.model)
 
     def for_target(self, target: ImpactTarget) -> "KickVariables":
         """Return the unknowns of another kick of the same leg."""

@@ -70,9 +70,16 @@ class LaunchFamily:
     @cached_property
     def branches(self) -> list[list[LaunchSolution]]:
         """Members by time on each branch, and those where the condition turns."""
+
+        def is_between(a: LaunchSolution, b: LaunchSolution, member: LaunchSolution) -> bool:
+            chord = b.unknowns - a.unknowns
+            fraction = (member.time - a.time) / (b.time - a.time)
+            deviation = np.abs(member.unknowns - a.unknowns - fraction * chord).max()
+            return bool(-1e-6 <= fraction <= 1 + 1e-6 and deviation <= 0.3 * np.abs(chord).max())
+
         branches = list[list[LaunchSolution]]()
         for start in self.direct:
-            if not any(_is_between(pair, start) for pair in _pairs(branches)):
+            if not any(is_between(*pair, start) for pair in _pairs(branches)):
                 branches.append(self._branch(start))
         slowest = math.sqrt(2 * float(np.linalg.norm(self.goal.target)) / GRAVITY)
         for time in (slowest * fraction for fraction in FIRST_TIMES):
@@ -223,11 +230,3 @@ class LaunchFamily:
 
 def _pairs(branches: list[list[LaunchSolution]]) -> list[tuple[LaunchSolution, LaunchSolution]]:
     return [pair for branch in branches for pair in pairwise(branch)]
-
-
-def _is_between(pair: tuple[LaunchSolution, LaunchSolution], member: LaunchSolution) -> bool:
-    begin, end = (neighbour.unknowns for neighbour in pair)
-    chord = end - begin
-    fraction = (member.time - begin[-1]) / chord[-1]
-    deviation = np.abs(member.unknowns - begin - fraction * chord)
-    return -1e-6 <= fraction <= 1 + 1e-6 and bool((deviation <= 0.3 * np.abs(chord).max()).all())

@@ -196,24 +196,19 @@ def _found(verdict: Verdict, *, between: bool = False) -> Found:
     reason = ""
     if not verdict.solution.feasible:
         reason = "the solver finds no motion near it"
-    elif not verdict.keeps_limits and not (between and _nearly_keeps(verdict)):
-        lines = verdict.motion.warnings
-        reason = lines[0] if lines else "bodies are inside each other or the ball"
+    elif not verdict.keeps_limits:
+        problem, lines = verdict.problem, verdict.motion.warnings
+        limits = (*problem.limits, *problem.impulse_limits)
+        units = np.array([limit.unit for limit in limits for _ in limit.labels])
+        margins = np.append(verdict.rows.min(axis=0), verdict.impulse)
+        nearly = (margins >= -np.where(units == "", ALLOWED_SHARE, ALLOWED_DISTANCE)).all()
+        if not (between and nearly and verdict.deepest <= DEEPEST + ALLOWED_DISTANCE):
+            reason = lines[0] if lines else "bodies are inside each other or the ball"
     labels = verdict.problem.row_labels
     numbers = {label: k for k, label in enumerate(dict.fromkeys(labels))}
     least = np.full(len(numbers), math.inf)
     np.minimum.at(least, [numbers[label] for label in labels], verdict.rows.min(axis=0))
     return Found(reason, least, solution_arrays(verdict.solution))
-
-
-def _nearly_keeps(verdict: Verdict) -> bool:
-    """Return whether a motion keeps all limits but for what one between nodes may lack."""
-    problem = verdict.problem
-    limits = (*problem.limits, *problem.impulse_limits)
-    units = [limit.unit for limit in limits for _ in limit.labels]
-    allowed = np.where(np.array(units) == "", ALLOWED_SHARE, ALLOWED_DISTANCE)
-    least = np.append(verdict.rows.min(axis=0), verdict.impulse)
-    return bool((least >= -allowed).all()) and verdict.deepest <= DEEPEST + ALLOWED_DISTANCE
 
 
 def solution_arrays(solution: Solution) -> dict[str, Any]:

@@ -89,16 +89,6 @@ class Function(Term[Point]):
     def slope(self, point: Point) -> Array:
         """Return the derivatives of the value by the unknowns, shape `(k, n)`."""
 
-    def total_violation(self, point: Point) -> float:
-        """Return the distance of the value from its bounds, over the scale.
-
-        It is the length of the violation of equalities, or the sum over inequalities.
-        """
-        value = self.value(point) / self.scale
-        if self.kind == Kind.EQUALITY:
-            return float(np.linalg.norm(value))
-        return float(-np.minimum(value, 0.0).sum())
-
 
 class Bounds(Term[Point]):
     """A term that bounds unknowns."""

@@ -33,7 +33,6 @@ from kickdyn.motion.limits import (
     LEAST_PRESSURE,
     Apart,
     Clearance,
-    Friction,
     Impulse,
     Limit,
     MuscleTorqueLimit,
@@ -45,7 +44,7 @@ from kickdyn.motion.limits import (
     SpeedLimit,
     Tilt,
     TorqueLimit,
-    Twist,
+    ground_limits,
 )
 from kickdyn.motion.motion_program import Rows, SymbolicTree, make_rows
 from kickdyn.restitution import rows_of
@@ -126,9 +125,8 @@ def limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
     if standing is None:
         return limits, []
     friction = _friction(standing)
-    slip, twist = Friction(friction), Twist(standing, friction)
-    limits += [Pressure(LEAST_PRESSURE), slip, PressureCentre(standing, INSIDE), twist]
-    in_impact = [Pressure(LEAST_IMPULSE), slip, PressureCentre(standing), twist]
+    limits += [Pressure(LEAST_PRESSURE), *ground_limits(standing, friction, INSIDE)]
+    in_impact = [Pressure(LEAST_IMPULSE), *ground_limits(standing, friction)]
     foot, posture = leg.contact_joint, leg.posture(leg.configuration())
     side = 1.0 if posture.contact_point[1] > standing.sole[:, 1].mean() else -1.0
     edge = float(side * (side * standing.sole[:, 1]).max())
@@ -210,11 +208,10 @@ def limits_on_both(task: KickTask) -> tuple[list[Limit], list[Limit]]:
     standing, other = task.standing, task.other
     assert standing is not None
     assert other is not None
-    friction = _friction(standing)
     of_support = [
         limit for limit in limits_of(task)[0] if not isinstance(limit, Clearance | Apart | Pressure)
     ]
-    return of_support, [Friction(friction), PressureCentre(other, INSIDE), Twist(other, friction)]
+    return of_support, ground_limits(other, _friction(standing), INSIDE)
 
 
 def _friction(standing: StandingRobot) -> float:

@@ -256,6 +256,14 @@ class Twist(GroundLimit):
         return self._arm * force[2] + ca.vertcat(-moment, moment)
 
 
+def ground_limits(foot: StandingRobot | Foot, friction: float, inside: float = 0.0) -> list[Limit]:
+    """Return the limits of the ground's wrench on a foot, but for its pressure.
+
+    The centre of pressure is inside the sole by a distance [m].
+    """
+    return [Friction(friction), PressureCentre(foot, inside), Twist(foot, friction)]
+
+
 class Impulse(Limit):
     """The same limit of the ground, for its impulse in the impact."""
 
@@ -431,6 +439,6 @@ def _ground_limits(
     wrench = moved(forces.wrench[row], float(corners[:, 2].mean()))
     limits, feet = list[Limit]([Pressure(0.0)]), Foot("", None, corners[:, :2])
     if wrench[2] > LEAST_PRESSURE * weight:  # the other limits are divided by it
-        limits += [Friction(friction), PressureCentre(feet), Twist(feet, friction)]
+        limits += ground_limits(feet, friction)
     sample = Sample(None, None, ca.DM(wrench), weight)
     return [(limit, sample) for limit in limits], {FLOATS: height} if height > TOLERANCE else {}

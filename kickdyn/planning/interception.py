@@ -139,10 +139,7 @@ class IncomingBall(ReprMixin):
 
     @validation.check_arguments
     def course(self, ball: Ball, air: Air | None, longest: float = LONGEST_WAIT) -> Course:
-        """Return the path of the ball as if nobody kicked it.
-
-        Each flight, and rolling, is followed for the longest time [s] at most.
-        """
+        """Return the path of the ball if nobody kicks it, each part for a longest time [s]."""
         return follow(self.state, ball, air, self.ground, FOLLOW_TOL, time_limit=longest)
 
 

@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -20,13 +19,14 @@ from kickdyn.core.files import check_writable, read_text, replacing
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, warned
-from kickdyn.core.validation import Array, ArrayLike
+from kickdyn.core.validation import ArrayLike
 from kickdyn.errors import FaultyFile, InvalidInput
 from kickdyn.flight.follow import follow
 from kickdyn.ground import Ground
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.kick import plan_kick, replan_motion
 from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.kick_reader import launch_velocity
 from kickdyn.robot.leg import Leg
 
 ELEVATIONS = (0.0, 10.0, 20.0, 30.0, 45.0)
@@ -229,7 +229,7 @@ def reach(
         ) -> KickPlan:
             if progress is not None:
                 progress(f"{where}: {speed:.3g} m/s")
-            velocity = speed * _direction(place)
+            velocity = launch_velocity(np.array([speed, *np.radians(place[::-1])]))
             if near is not None and near.motion is not None:
                 return replan_motion(near, velocity)
             # the target in the vacuum to which this launch leads, however low it is
@@ -240,7 +240,8 @@ def reach(
 
         row = _largest(plan, place, GROWTHS[motion], tolerance)
         if row.speed > 0.0:
-            start = BallState((0.0, 0.0, ball.radius), row.speed * _direction(place))
+            velocity = launch_velocity(np.array([row.speed, *np.radians(place[::-1])]))
+            start = BallState((0.0, 0.0, ball.radius), velocity)
             paths = [follow(start, ball, air, Ground(0.0, name)) for name in SURFACES]
             row = replace(row, carpet=paths[0].distance, turf=paths[1].distance)
         rows[place] = row
@@ -255,13 +256,6 @@ def _angles(name: str, values: ArrayLike, most: float) -> list[float]:
     if angles.ndim != 1 or not angles.size or not (np.abs(angles) <= most).all():
         raise InvalidInput(f"{name} are {angles.tolist()}: they must be numbers up to {most:g} deg")
     return [float(angle) for angle in dict.fromkeys(angles.tolist())]
-
-
-def _direction(place: tuple[float, float]) -> Array:
-    """Return the unit vector of azimuth and elevation [deg], shape `(3,)`."""
-    side, height = np.radians(place)
-    level = math.cos(height)
-    return np.array([level * math.cos(side), level * math.sin(side), math.sin(height)])
 
 
 def _largest(

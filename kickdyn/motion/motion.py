@@ -182,11 +182,11 @@ class Motion(ReprMixin):
 
     def _every_state(self, t: float) -> tuple[Array, Array, Array]:
         """Return q, v and a of `joints` and of those that the impact pushes, `(n + k,)` each."""
-        velocity = np.array([*self.pushed.values()])
+        state, velocity = self.joint_state(t), np.array([*self.pushed.values()])
         pushed = np.multiply.outer(settling(np.array([t]))[:, 0] * (t > 0.0), velocity)
         rest = self.robot.joint_values(self._rest)
         pushed[0] += [rest[name] for name in self.pushed]
-        q, v, a = map(np.append, self.joint_state(t), pushed)
+        q, v, a = map(np.append, state, pushed)
         return q, v, a
 
     def margins(self, t: float) -> Mapping[str, float]:

@@ -405,7 +405,7 @@ class MotionProblem:
                 of_impact,
                 bounds[:size],
                 np.hstack([of_points, bounds[size:].reshape(len(moments), free)]),
-                [*zip(apart, of_apart, strict=True)],
+                [new._replace(multipliers=x) for new, x in zip(apart, of_apart, strict=True)],
             ),
             feasible,
             int(solver.stats()["iter_count"]),
@@ -496,8 +496,8 @@ class MotionProblem:
             labels, duals.impact[len(duals.impact) - len(labels) :], strict=True
         ):
             add(label, value)
-        for (joints, _, _), values in duals.apart:
-            add(self.surroundings.label(joints), values, 0.01)
+        for conditions in duals.apart:
+            add(self.surroundings.label(conditions.joints), conditions.multipliers, 0.01)
         return {label: value for label, value in total.items() if value > LEAST_EFFECT}
 
     def _blocks(self, times: list[Array], changes: Array) -> list[Block]:

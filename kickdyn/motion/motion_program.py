@@ -122,15 +122,15 @@ class Multipliers(NamedTuple):
     """Multipliers of rows of speeds and of the impact, of bounds, of points, and of bodies.
 
     Those of `bounds` are of the coefficients and the share. Those of `points` are of the rows of
-    each point and of the bounds of its forces, shape `(points, k)`. `apart` has conditions of
-    bodies with the multiplier of each.
+    each point and of the bounds of its forces, shape `(points, k)`. `apart` has
+    conditions of bodies with theirs.
     """
 
     speeds: Array
     impact: Array
     bounds: Array
     points: Array
-    apart: Sequence[tuple[Conditions, Array]]
+    apart: Sequence[Conditions]
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,13 +164,8 @@ def taken_over(
     distance = np.abs(np.concatenate(start.times)[None] - moments[:, None])
     same = distance.min(axis=1) < SAME_TIME
     points = np.where(same[:, None], duals.points[distance.argmin(axis=1)], 0.0)
-    former = {conditions.joints: (conditions, values) for conditions, values in duals.apart}
-    of_apart = [
-        multipliers_nearby(conditions, *former[conditions.joints])
-        if conditions.joints in former
-        else np.zeros(len(conditions.times))
-        for conditions in apart
-    ]
+    former = {conditions.joints: conditions for conditions in duals.apart}
+    of_apart = [multipliers_nearby(new, former.get(new.joints)) for new in apart]
     k = empty.points.shape[1] - forces
     rows = np.concatenate([duals.speeds, points[:, :k].ravel(), duals.impact, *of_apart])
     return rows, np.append(duals.bounds, points[:, k:])

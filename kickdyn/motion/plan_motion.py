@@ -315,8 +315,8 @@ class _Search:
     def again(self, start: Solution) -> Verdict:
         """Return the verdict on the solution next to the one of nearly the same kick."""
         assert start.multipliers is not None
-        apart = [conditions for conditions, _ in start.multipliers.apart]
-        return Verdict(self.problem, self._solve(start, start.times, apart, AGAIN, (1.0, 1.0)))
+        times, apart = start.times, start.multipliers.apart
+        return Verdict(self.problem, self._solve(start, times, apart, AGAIN, (1.0, 1.0)))
 
     def first(self, start: Solution, moves: bool, aside: Sequence[str]) -> Solution:
         """Return a solution from unknowns to start from, of limits at few points.
@@ -342,7 +342,7 @@ class _Search:
             nearest = verdict if verdict.broken <= nearest.broken else nearest
             far, times = verdict.broken > FAR, verdict.add_points(solution.times)
             duals = solution.multipliers if solution.feasible else None
-            former = [] if duals is None else [conditions for conditions, _ in duals.apart]
+            former = [] if duals is None else duals.apart
             apart = with_former(verdict.nearness.conditions(times), former)
             reaches_all = (full and not far) or solution.share > WHOLE
             shares = (1.0, 1.0) if reaches_all else (0.0, 1.0)

@@ -49,6 +49,7 @@ class Conditions(NamedTuple):
     # the point a and the normal in the axes of the first joint, and the point b in the second
     # one's, shape `(9, k)` [m]; for the ball, only the first three count
     parameters: Array
+    multipliers: Array = np.zeros(0)  # of a solution that kept them, shape `(k,)`
 
 
 class Surroundings:
@@ -149,13 +150,15 @@ class Surroundings:
         ]
 
 
-def multipliers_nearby(new: Conditions, former: Conditions, multipliers: Array) -> Array:
+def multipliers_nearby(new: Conditions, former: Conditions | None) -> Array:
     """Return multipliers of new conditions: of the most similar former one at each time, or 0."""
+    if former is None:
+        return np.zeros(len(new.times))
     apart = np.abs(new.times[:, None] - former.times[None])
     change = np.linalg.norm(new.parameters[:, :, None] - former.parameters[:, None], axis=0)
     nearest = np.where(apart < 1e-12, change, np.inf)
     touches = np.isfinite(nearest).any(axis=1)
-    return np.where(touches, multipliers[nearest.argmin(axis=1)], 0.0)
+    return np.where(touches, former.multipliers[nearest.argmin(axis=1)], 0.0)
 
 
 def with_former(new: Sequence[Conditions], former: Sequence[Conditions]) -> list[Conditions]:
@@ -164,7 +167,7 @@ def with_former(new: Sequence[Conditions], former: Sequence[Conditions]) -> list
     A solution that kept these would otherwise return to where bodies are inside each other.
     """
     merged = {conditions.joints: conditions for conditions in new}
-    for joints, times, parameters in former:
+    for joints, times, parameters, _ in former:
         latest = merged.get(joints, Conditions(joints, np.zeros(0), np.zeros((9, 0))))
         remaining = ~np.isin(times.round(12), latest.times.round(12))
         every = np.concatenate([latest.times, times[remaining]])

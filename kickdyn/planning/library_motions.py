@@ -223,9 +223,9 @@ def solution_arrays(solution: Solution) -> dict[str, Any]:
     }
     if duals is not None:
         arrays |= {name: getattr(duals, name) for name in DUALS}
-        for k, (conditions, values) in enumerate(duals.apart):
-            named = {**conditions._asdict(), "values": values}
-            arrays |= {f"apart_{k}_{name}": np.array(value) for name, value in named.items()}
+        for k, conditions in enumerate(duals.apart):
+            named = conditions._asdict().items()
+            arrays |= {f"apart_{k}_{name}": np.array(value) for name, value in named}
     if solution.linearized is not None:
         arrays["linearized"] = solution.linearized
     return arrays
@@ -233,13 +233,11 @@ def solution_arrays(solution: Solution) -> dict[str, Any]:
 
 def solution_of(arrays: dict[str, Array]) -> Solution:
     """Return the solution from its arrays."""
-    duals, apart = None, list[tuple[Conditions, Array]]()
+    duals, apart = None, list[Conditions]()
     while f"apart_{len(apart)}_joints" in arrays:
-        joints, *others, values = (
-            arrays[f"apart_{len(apart)}_{name}"] for name in (*Conditions._fields, "values")
-        )
+        joints, *others = (arrays[f"apart_{len(apart)}_{name}"] for name in Conditions._fields)
         first, second = joints.tolist()
-        apart.append((Conditions((first, second), *others), values))
+        apart.append(Conditions((first, second), *others))
     if "points" in arrays:
         duals = Multipliers(**{name: arrays[name] for name in DUALS}, apart=apart)
     return Solution(

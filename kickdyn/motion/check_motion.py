@@ -32,11 +32,8 @@ from kickdyn.robot.standing import is_floating
 if TYPE_CHECKING:
     from kickdyn.motion.limits import BrokenLimit
 
-SHOWN_LIMITS = 12
-"""Number of broken limits in the rows that are shown."""
-
-DRAWN_LIMITS = 5
-"""Number of broken limits that are drawn."""
+SHOWN_LIMITS, DRAWN_LIMITS = 12, 5
+"""Numbers of broken limits in the rows that are shown, and in the figure."""
 
 AT_REST = 1e-3
 """Horizontal speed of a foot up to which it strikes no ball [m/s]."""

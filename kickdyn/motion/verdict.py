@@ -30,11 +30,9 @@ REACHED = 2e-3
 UNSOLVED = 1.0
 """Violation that a solution counts with whose equations do not hold."""
 
-LOADED = 0.5
-"""Torque over its limit from which on a joint at rest counts among those that are overloaded."""
-
-NAMED = 6
-"""Number of limits in the sentence on those that reduce the share of a motion."""
+LOADED, NAMED = 0.5, 6
+"""Torque over its limit from which on a joint at rest counts among those that are overloaded, and
+number of limits in the sentence on those that reduce the share of a motion."""
 
 
 @dataclass(frozen=True, eq=False)

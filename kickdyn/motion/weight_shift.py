@@ -27,17 +27,13 @@ from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.standing import Foot, StandingRobot
 
 CLOSED, STEPS = 1e-13, 20
-"""Error of the kicking foot's pose from which on it is where it was [m, rad], and steps to get
-there."""
+"""Error of the kicking foot's pose from which on it is where it was [m, rad], and steps."""
 
-CHECKED = 100
-"""Number of times at which limits are checked."""
+CHECKED, UNLOADED = 100, 1e-6
+"""Number of times at which limits are checked, and share of the force of an unloaded foot."""
 
 UP = np.array([0.0, 0.0, 1.0])
 """Vertical unit vector."""
-
-UNLOADED = 1e-6
-"""Share of the force below which a foot is not loaded."""
 
 
 @dataclass(frozen=True, eq=False)

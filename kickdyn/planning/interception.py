@@ -32,8 +32,8 @@ from kickdyn.robot.standing import StandingRobot, is_floating
 FASTEST_BALL = 100.0
 """Largest speed of a ball that is met [m/s]."""
 
-LONGEST_WAIT = 10.0
-"""Time after which a ball is no longer waited for [s]."""
+LONGEST_WAIT, SHORTEST_COURSE = 10.0, 1e-6
+"""Times after which a ball is no longer waited for, and for which it is followed at least [s]."""
 
 SAMPLES, CANDIDATES = 400, 7
 """Numbers of times at which the path is compared with the reach of the leg, and of those in reach
@@ -43,20 +43,13 @@ CROSSING_SHARE = 1 / 40
 """Time before and after an estimated crossing of the foot's plane at which the exact one is sought,
 over the time within reach."""
 
-DRAWN_REACH = 200
-"""Number of postures from which the reach of a leg is estimated."""
+DRAWN_REACH, BEYOND_REACH = 200, 1.1
+"""Number of postures from which the reach of a leg is estimated, and distance over this reach up to
+which a kick is sought for a meeting that is chosen."""
 
-BEYOND_REACH = 1.1
-"""Distance, over the estimated reach, up to which a kick is sought for a meeting that is chosen."""
-
-BESIDE = 1e-6
-"""Distance from the plane in which a foot moves, below which a ball is in it [m]."""
-
-IN_GROUND = 1e-3
-"""Depth in the ground up to which a ball lies on it [m]."""
-
-SHORTEST_COURSE = 1e-6
-"""Shortest time for which a ball is followed [s]."""
+BESIDE, IN_GROUND = 1e-6, 1e-3
+"""Distance from the plane in which a foot moves up to which a ball is in it, and depth in the
+ground up to which a ball lies on it [m]."""
 
 FOLLOW_TOL = 1e-12
 """Relative tolerance of the ball's path before it is met."""

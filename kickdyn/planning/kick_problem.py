@@ -50,12 +50,9 @@ from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, is_floating
 from kickdyn.robot.surgery import turn_body
 
-DRAWN, STARTS, RATED = 80, 4, 20
-"""Numbers of postures that are drawn, of those among them from which a problem is solved, and of
-those by which several problems are compared."""
-
-WIDELY_DRAWN = 80
-"""Number of postures that are drawn from the whole ranges of the joints where others fail."""
+DRAWN, STARTS, RATED, WIDELY_DRAWN = 80, 4, 20, 80
+"""Numbers of postures that are drawn, of those among them from which a problem is solved, of those
+by which several problems are compared, and of those from the whole ranges of the joints."""
 
 AT_BALL = 1e-6
 """Distance between a foot and a ball that touch, at most [m]."""

@@ -34,12 +34,9 @@ TIME_BEYOND = 1e-3
 INCREMENT = 1e-5
 """Of time [s], velocity [m/s] and place [m], in derivatives of the landing."""
 
-ACCURACY = 0.1
-"""Distance at the target for which the exactness of timing and perception is stated [m]."""
-
-
-LARGEST_ERROR = 10.0
-"""Error of time [s], velocity [m/s] or place [m] from which on it counts as without effect."""
+ACCURACY, LARGEST_ERROR = 0.1, 10.0
+"""Distance at the target for which the exactness of timing and perception is stated [m], and error
+of time [s], velocity [m/s] or place [m] from which on it counts as without effect."""
 
 
 class LandingSlopes(NamedTuple):

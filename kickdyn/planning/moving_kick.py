@@ -50,12 +50,9 @@ from kickdyn.robot.leg import Leg
 MENDINGS = 3
 """Number of times that a kick in which bodies collide is planned again at most."""
 
-TOUCHING_STARTS, TOUCHING_TIMES = 2, 4
-"""Numbers of postures at the ball from which the strongest kick is sought, and of the most
-promising times for which it is."""
-
-LAUNCHES = 3
-"""Number of times within reach for which launches are planned to find where a leg faces."""
+TOUCHING_STARTS, TOUCHING_TIMES, LAUNCHES = 2, 4, 3
+"""Numbers of postures at the ball from which the strongest kick is sought, of the most promising
+times for which it is, and of times for which launches are planned to find where a leg faces."""
 
 
 class Interceptor:

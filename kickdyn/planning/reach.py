@@ -32,15 +32,12 @@ from kickdyn.robot.leg import Leg
 ELEVATIONS = (0.0, 10.0, 20.0, 30.0, 45.0)
 """Elevations of launches by default [deg]."""
 
-FIRST_SPEED, LARGEST_SPEED = 10.0, 80.0
-"""Launch speed that is tried first, and the largest one that is tried [m/s]."""
+FIRST_SPEED, LARGEST_SPEED, MOST_TRIES = 10.0, 80.0, 14
+"""Launch speed that is tried first, the largest one [m/s], and number of plans of a direction."""
 
 GROWTHS = {False: 2.0, True: 1.25}
 """Factor of the speed after a plan that is met, by whether motions are planned: a motion far beyond
 the limits takes minutes to be given up."""
-
-MOST_TRIES = 14
-"""Number of plans of a direction at most."""
 
 DESCRIBING_TIME = 0.1
 """Time of the short flight in a vacuum that describes a launch to the planner [s]."""

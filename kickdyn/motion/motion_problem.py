@@ -47,6 +47,7 @@ from kickdyn.motion.motion_program import (
     block_solver,
     integration_weights,
     make_rows,
+    multipliers_of,
     per_joint,
     taken_over,
 )
@@ -356,12 +357,7 @@ class MotionProblem:
         if self.feet is not None:
             lower = self._lower_on_both(lower, times, apart)
         lowest, highest = np.concatenate([-most, *lower]), np.concatenate([most, *upper])
-        room = RangeLimit.reserve * (self.upper - self.lower)
-        least, largest = (
-            np.tile(limit, (splines.size, 1)) for limit in (self.lower + room, self.upper - room)
-        )
-        if self.feet is not None:  # both ends are given
-            least[[0, -1]] = largest[[0, -1]] = rest
+        least, largest = self._range_of_coefficients(rest)
         bound, free_jump = np.tile(self._most, len(moments)), np.full(size - last - 1, np.inf)
         q, v, a = (splines.values(times, order) @ start.coefficients for order in range(3))
         forces = np.asarray(self.forces.map(len(q))(q.T, v.T, a.T)).T
@@ -389,9 +385,7 @@ class MotionProblem:
         x, rows, multipliers, bounds = (
             np.asarray(end[name]).ravel() for name in ("x", "g", "lam_g", "lam_x")
         )
-        sizes = [len(most), *map(len, lower)]
-        of_speeds, of_points, of_impact, *of_apart = np.split(multipliers, np.cumsum(sizes)[:-1])
-        of_points = of_points.reshape(len(moments), -1)
+        sizes = [len(most), *map(len, lower), size]
         feasible = bool(np.abs(rows - np.clip(rows, lowest, highest)).max() <= TOLERANCE)
         coefficients, share = x[:last].reshape(splines.size, n), float(x[last])
         share = 1.0 if share >= WHOLE_SHARE else share
@@ -400,18 +394,23 @@ class MotionProblem:
             self._with_exact_impact(coefficients, share) if feasible else coefficients,
             share,
             times,
-            Multipliers(
-                of_speeds,
-                of_impact,
-                bounds[:size],
-                np.hstack([of_points, bounds[size:].reshape(len(moments), free)]),
-                [new._replace(multipliers=x) for new, x in zip(apart, of_apart, strict=True)],
-            ),
+            multipliers_of(multipliers, bounds, sizes, moments, apart),
             feasible,
             int(solver.stats()["iter_count"]),
             self.limited,
             reference,
         )
+
+    def _range_of_coefficients(self, rest: Array) -> tuple[Array, Array]:
+        """Return bounds of the coefficients; both ends are given if the robot is on both feet."""
+        room = RangeLimit.reserve * (self.upper - self.lower)
+        least, largest = (
+            np.tile(limit, (self.splines.size, 1))
+            for limit in (self.lower + room, self.upper - room)
+        )
+        if self.feet is not None:
+            least[[0, -1]] = largest[[0, -1]] = rest
+        return least, largest
 
     def _with_exact_impact(self, coefficients: Array, share: float) -> Array:
         """Return the nearest coefficients that keep the equations of the impact to rounding.

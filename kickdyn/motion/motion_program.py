@@ -150,6 +150,26 @@ class Solution:
     linearized: Array | None = None
 
 
+def multipliers_of(
+    rows: Array, bounds: Array, sizes: Sequence[int], moments: Array, apart: Sequence[Conditions]
+) -> Multipliers:
+    """Return multipliers from those of all rows and bounds, the inverse of `taken_over`.
+
+    `sizes` are the numbers of rows of speeds, points, impact and bodies, and of bounds of the
+    coefficients and the share.
+    """
+    *of_rows, of_bounds = sizes
+    speeds, points, impact, *of_apart = np.split(rows, np.cumsum(of_rows)[:-1])
+    forces = bounds[of_bounds:].reshape(len(moments), -1)
+    return Multipliers(
+        speeds,
+        impact,
+        bounds[:of_bounds],
+        np.hstack([points.reshape(len(moments), -1), forces]),
+        [new._replace(multipliers=x) for new, x in zip(apart, of_apart, strict=True)],
+    )
+
+
 def taken_over(
     start: Solution, moments: Array, apart: Sequence[Conditions], empty: Multipliers, forces: int
 ) -> tuple[Array, Array]:

@@ -86,15 +86,12 @@ class Nearness:
         times: list[Array],
         surroundings: Surroundings | None = None,
     ) -> None:
-        self._surroundings = surroundings or problem.surroundings
+        self._surroundings = near = surroundings or problem.surroundings
         self._times = np.concatenate(times)
         self._q = problem.splines.values(times, 0) @ solution.coefficients
         ball = problem.ball_centre(problem.splines.at_impact()[0] @ solution.coefficients)
         swing = len(times[0])
-        self.gaps = [
-            self._surroundings.gaps(q, ball if row < swing else None)
-            for row, q in enumerate(self._q)
-        ]
+        self.gaps = [near.gaps(q, ball if k < swing else None) for k, q in enumerate(self._q)]
 
     def conditions(self, points: list[Array]) -> list[Conditions]:
         """Return conditions at some of the times, and at those at which bodies are nearest."""

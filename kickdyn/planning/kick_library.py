@@ -115,8 +115,7 @@ def kick_library(
     ranges = {name: _checked_range(name, value) for name, value in named.items()}
     if speed is None or path.exists():
         library = KickLibrary(path, robot)
-        library.check_ranges(ranges if speed is not None else {})
-        library.check_impact(ball, given, height)
+        library.check_settings(ranges if speed is not None else {}, ball, given, height)
         return library
     if not isinstance(contact.restitution, float):
         raise InvalidInput("the restitution depends on the speed: a library needs a single value")
@@ -219,34 +218,31 @@ class KickLibrary(ReprMixin):
             "covered": self.covered,
         }  # fmt: skip
 
-    def check_ranges(self, ranges: Mapping[str, tuple[float, float] | None]) -> None:
-        """Raise `InvalidInput` for ranges that are not those of the library; None is any."""
+    def check_settings(
+        self,
+        ranges: Mapping[str, tuple[float, float] | None],
+        ball: Ball | None,
+        contact: Contact | None,
+        height: float | None,
+    ) -> None:
+        """Raise `InvalidInput` for ranges or an impact other than the library's; None is any."""
+        a, exists = self.reader.arrays, f"{self.file.name} exists, for"
         for name, low, high in zip(AXES, self.reader.lower, self.reader.upper, strict=True):
             pair = ranges.get(name)
             if pair is not None and not np.allclose(pair, (low, high)):
                 raise InvalidInput(
-                    f"{name} is {_shown(name, *pair)}: {self.file.name} exists, for "
-                    f"{_shown(name, low, high)}"
+                    f"{name} is {_shown(name, *pair)}: {exists} {_shown(name, low, high)}"
                 )
-
-    def check_impact(
-        self, ball: Ball | None, contact: Contact | None, height: float | None
-    ) -> None:
-        """Raise `InvalidInput` for another ball, contact or height of it; None is any."""
-        a = self.reader.arrays
-        asked = {
-            "mass of the ball": (ball and ball.mass, a["ball"][0], "kg"),
-            "radius of the ball": (ball and ball.radius, a["ball"][1], "m"),
-            "height of the ball": (height, a["ball"][2], "m"),
-            "restitution": (contact and contact.restitution, a["impact"][0], ""),
-            "friction": (contact and contact.friction, a["impact"][1], ""),
-        }
-        for name, (value, stored, unit) in asked.items():
+        for name, value, stored, unit in (
+            ("mass of the ball", ball and ball.mass, a["ball"][0], "kg"),
+            ("radius of the ball", ball and ball.radius, a["ball"][1], "m"),
+            ("height of the ball", height, a["ball"][2], "m"),
+            ("restitution", contact and contact.restitution, a["impact"][0], ""),
+            ("friction", contact and contact.friction, a["impact"][1], ""),
+        ):
             if value is not None and not (isinstance(value, float) and np.isclose(value, stored)):
-                raise InvalidInput(
-                    f"{name} is {validation.brief(value)}: {self.file.name} exists, for "
-                    f"{stored:.4g} {unit}".rstrip()
-                )
+                shown = validation.brief(value)
+                raise InvalidInput(f"{name} is {shown}: {exists} {stored:.4g} {unit}".rstrip())
 
     def kick(
         self, goal: Goal, *, ball_position: ArrayLike | None = None, air: Air | None = None

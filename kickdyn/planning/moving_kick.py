@@ -138,12 +138,11 @@ class Interceptor:
 
     def beside(self, wait: float) -> float:
         """Return the ball's distance to the left of the impulse through the origin [m], or nan."""
-        try:
+        with suppress(InvalidInput):
             task = self.at(wait)
-        except InvalidInput:
-            return math.nan
-        x, y, _ = task.before.position.tolist()
-        return float(task.ahead[0] * y - task.ahead[1] * x)
+            x, y, _ = task.before.position.tolist()
+            return float(task.ahead[0] * y - task.ahead[1] * x)
+        return math.nan
 
     def kicks(self, waits: list[float]) -> tuple[dict[float, SolvedKick], dict[float, str]]:
         """Return kicks by the time since the ball was seen, and at other times why there is none.

@@ -113,12 +113,7 @@ class BodyTrack(ReprMixin):
 
     @validation.check_arguments
     def find_marker(self, name: str) -> int:
-        """Return the number of a marker.
-
-        The prefix of a subject may be left out: `RASI` finds `Anna:RASI`.
-
-        Args:
-            name: name of the marker.
+        """Return the number of a marker; `RASI` finds `Anna:RASI`, if no other subject has it.
 
         Raises:
             InvalidInput: no marker of this name, or several with different prefixes.
@@ -173,10 +168,7 @@ class BodyTrack(ReprMixin):
     @classmethod
     @validation.check_arguments
     def from_c3d(cls, file: str | PathLike[str], *, up: str = "z") -> "BodyTrack":
-        """Read all markers of a C3D file.
-
-        Needs ezc3d, `pip install "kickdyn[c3d]"`. Positions are converted to metres by the unit
-        that the file names.
+        """Read all markers of a C3D file, as `Track.from_c3d` reads one.
 
         Args:
             file: the file, up to 64 MB.
@@ -287,10 +279,7 @@ def _with_gaps(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 
 def _centre(points: Array, radius: float) -> Array:
-    """Return the centre of the sphere through points, `(n, 3)`; NaN if fewer than four are seen.
-
-    Raises `InvalidInput` if their distances from it differ from the radius.
-    """
+    """Return the centre of the sphere through points, `(n, 3)`; NaN if fewer than four are seen."""
     seen = points[np.isfinite(points).all(axis=1)]
     if len(seen) < 4:
         return np.full(3, np.nan)
@@ -336,8 +325,7 @@ def _table(
     """Return the numbers of lines of text, shape `(n, width)`; empty cells are NaN.
 
     `begin` is the first of these lines, and `time` the column of the times. Only between tabs can
-    cells be empty. Lines with more or fewer cells are refused; in a ragged table, more are left
-    out, and fewer are empty at the end.
+    cells be empty. In a ragged table, surplus cells are left out, and missing ones are empty.
     """
     rows, numbers = [], []
     for number, line in enumerate(lines[begin:], start=begin + 1):

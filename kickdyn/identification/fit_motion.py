@@ -62,10 +62,9 @@ Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 def base_configurations(leg: Leg, coordinates: Mapping[str, Array]) -> Array:
     """Return configurations of the floating base, shape `(n, 7)`, NaN where one is not known.
 
-    OpenSim's axes are x forward, y up and z to the right. The pelvis turns about z (tilt), then x
-    (list), then y (rotation) of its own axes; its origin is between the anterior superior iliac
-    spines, and the hip, where the floating base is, as in Delp et al. 1990 (IEEE Trans Biomed Eng
-    37:757), scaled by the length of the leg.
+    OpenSim's axes are x forward, y up and z to the right. The pelvis turns about its own z (tilt),
+    x (list) and y (rotation); its origin is between the anterior superior iliac spines, and the hip
+    as in Delp et al. 1990 (IEEE Trans Biomed Eng 37:757), scaled by the length of the leg.
     """
     from scipy.spatial.transform import Rotation  # takes 0.1 s
 

@@ -203,13 +203,11 @@ class Identification(ReprMixin):
 
 
 class FlightMean(NamedTuple):
-    """The mean of a value over flights that were fitted one by one.
+    """The mean of a value over flights that were fitted one by one, by `weighted_mean`.
 
     Attributes:
-        mean: weighted by the variances of the values and of the scatter.
-        deviation: its standard error.
-        scatter: standard deviation of the value from flight to flight, beyond what the standard
-            deviations of the flights explain; 0 where they explain all.
+        mean, deviation: the mean and its standard error.
+        scatter: standard deviation from flight to flight beyond the flights' own deviations.
         flights: number of flights that determine the value.
         slowest, fastest: lowest and highest mean speed of these flights [m/s].
     """

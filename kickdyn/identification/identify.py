@@ -153,10 +153,9 @@ def identify(
 
 
 class _Problem(NamedTuple):
-    """A measured track and its unknowns.
+    """A measured track and its unknowns, in world axes.
 
-    The unknowns are position, velocity and, if sought, spin at the first sample, in world axes,
-    then coefficients and wind.
+    They are position, velocity and, if sought, spin at the first sample, then those of the air.
     """
 
     track: Track
@@ -183,10 +182,7 @@ class _Problem(NamedTuple):
         return slice(len(LAUNCH), len(self.names) - len(self.air_names))
 
     def spin_rows(self, spread: float) -> Array:
-        """Return the rows that weigh the spin against its usual size, none where it is 0.
-
-        The spread is the standard deviation of a residual [m].
-        """
+        """Return rows that weigh a spin against its usual size; residuals deviate by `spread`."""
         return np.asarray(np.eye(len(self.names))[self.spin_columns] * spread / SPIN_SPREAD)
 
     def turn(self, unknowns: Array) -> Array:
@@ -214,10 +210,7 @@ class _Problem(NamedTuple):
         return state, replace(self.air, **changes)
 
     def evaluate(self, tol: float, unknowns: Array) -> Evaluation:
-        """Return residuals and their derivatives, or raise `KickdynError` where a flight fails.
-
-        The flight is differentiated by all unknowns but the position, which only shifts it.
-        """
+        """Return residuals and their derivatives, or raise `KickdynError` where a flight fails."""
         track, position, parameters = self.track, unknowns[:3], unknowns[3:]
         fastest = float(np.linalg.norm(np.ptp(track.positions, axis=0))) / track.duration + 10.0
         of_air = unknowns[self.spin_columns.stop :]
@@ -337,10 +330,7 @@ def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
 
 
 def _polynomial(track: Track) -> tuple[Array, float]:
-    """Return a first guess of position and velocity, shape `(6,)`, and of the noise [m].
-
-    They come from polynomials in time, fitted without the samples that are far from them.
-    """
+    """Return a guess of position and velocity, `(6,)`, and of the noise [m], by polynomials."""
     times = (track.times - track.times[0]) / track.duration
     degree = 2 if len(track) < 9 else 3 if len(track) < 30 else 5
     inliers = np.ones(len(track), dtype=bool)
@@ -365,9 +355,9 @@ def _minimise(
 ) -> tuple[float, Array]:
     """Return the least cost and the unknowns.
 
-    The residuals are `used` ones of `evaluate`, and the products of the prior rows with
-    the unknowns, less `targets`. Where there is no flight `evaluate` raises `KickdynError`, which
-    ends the fit at its start, and is avoided later.
+    The residuals are `used` ones of `evaluate`, and prior rows times the unknowns, less `targets`.
+    Where there is no flight, `evaluate` raises `KickdynError`, which ends the fit at its start
+    only.
     """
     residuals, slopes = evaluate(start)
     failed = np.full(residuals.size, FAILED_RESIDUAL), slopes

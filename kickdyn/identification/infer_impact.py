@@ -172,10 +172,7 @@ class InferredImpact(ReprMixin):
         return (*lines, *self.posture.warnings, *self.ball.warnings)
 
     def plot(self) -> Any:
-        """Return a matplotlib Figure of the linear impulses in the joints, as `Impact.plot`.
-
-        Error bars show one standard deviation to each side, where deviations are known.
-        """
+        """Return a matplotlib Figure of the joints' linear impulses, with standard deviations."""
         from kickdyn.core.plot_style import joint_figure
 
         return joint_figure(self.joint_sizes, self.joint_deviations)
@@ -364,8 +361,8 @@ def _with_deviations(
     """Return the impact of measured velocities, with deviations.
 
     Each row of `steps` is an independent change of one standard deviation: of the velocities of the
-    ball before and after, of its spins, of q in its tangent space, and of v. `ends` are changes to
-    the ends of what else is possible, which intervals of 95 % include.
+    ball before and after, of its spins, of q in its tangent space, and of v. Intervals of 95 %
+    include the changes `ends`.
     """
     leg, (ball_before, ball_after) = posture.leg, states
     velocities = [ball_before.velocity, ball_after.velocity, ball_before.spin, ball_after.spin]

@@ -85,10 +85,7 @@ LEVEL = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "centre")
 
 
 class Shot(NamedTuple):
-    """A commanded launch or kick, and what was observed of it; None for what was not.
-
-    Landing, shape `(2,)`, and positions are from the launch [m], times since the kick [s].
-    """
+    """A command, and its landing `(2,)` [m], time [s] or track since the kick, or None."""
 
     command: BallState | KickPlan
     landing: Array | None
@@ -372,10 +369,7 @@ class Learner(ReprMixin):
     def _landing(
         self, theta: Array, error: Array, command: BallState | KickPlan
     ) -> tuple[Array, Array]:
-        """Return landing point and time of a command, `(3,)` [m, m, s], and the derivatives.
-
-        These have the shape `(3, 9)`: by the unknowns and by the error of the kick.
-        """
+        """Return landing and time of a command, `(3,)` [m, m, s], and derivatives, `(3, 9)`."""
         flight = self._fly(theta, error, command, LEVEL)
         if flight.end <= SHORTEST:
             return np.zeros(3), np.zeros((3, 9))  # no step of the solver ends there

@@ -67,10 +67,9 @@ def check_side(leg: Leg, places: Mapping[str, Marker]) -> None:
 
 
 def check_order(leg: Leg, places: Mapping[str, Marker], measured: Array) -> list[str]:
-    """Raise `InvalidInput` if another order of a segment's markers fits their places much better.
+    """Return lines about segments whose markers another order fits better.
 
-    A pelvis that stands on its head counts as one that does not fit. Returned is a line for each
-    segment of which another order fits better, but not so much that the order is certainly wrong.
+    Raises `InvalidInput` if it is much better. A pelvis that stands on its head does not fit.
     """
     model, names = leg.workspace.model, list(places)
     joints = [model.frames[frame].parentJoint for frame, _ in places.values()]

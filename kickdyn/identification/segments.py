@@ -102,20 +102,15 @@ class _Samples(NamedTuple):
 
     @property
     def speed_deviation(self) -> float:
-        r"""Standard deviation of a velocity just before or after a cut [m/s].
-
-        It is that of the slope of a parabola at the end of T = `VELOCITY_WINDOW` with n samples,
-        :math:`\sigma \sqrt{192 / n} / T`.
-        """
+        """Standard deviation [m/s] of the slope at the end of a parabola of `VELOCITY_WINDOW`."""
         count = max(VELOCITY_WINDOW / float(np.median(np.diff(self.times))), 1.0)
         return self.noise * math.sqrt(192.0 / count) / VELOCITY_WINDOW
 
 
 class _Piece(NamedTuple):
-    """Samples `first` to `last - 1`, and polynomials fitted to them.
+    """Samples `first` to `last - 1`, and polynomials in the time from `middle`, `(k, 3)`.
 
-    The polynomials count time from `middle` [s]; their coefficients, lowest power first, have the
-    shape `(k, 3)`. The cost is the sum of squared residuals over the squared noise.
+    The cost is the sum of squared residuals over the squared noise.
     """
 
     first: int
@@ -200,10 +195,7 @@ def _noise(track: Track) -> float:
 
 
 def _without_spikes(track: Track, noise: float) -> NDArray[np.intp]:
-    """Return the indices of all samples but spikes: single ones far off a path smooth around them.
-
-    The path is the parabola of two samples before and two after.
-    """
+    """Return the indices of samples that are near the parabola of two before and two after."""
     inliers = np.ones(len(track), dtype=bool)
     for _ in range(2):
         indices = np.flatnonzero(inliers)
@@ -266,10 +258,10 @@ def _cubic_costs(times: Array, points: Array) -> Array:
 
 
 def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
-    """Return pieces; two neighbours are joined wherever a quintic follows both as well.
+    """Return pieces; neighbours are joined if a quintic follows both as well.
 
-    A short piece between two others is divided between them where two quintics do as well, because
-    a touch that the tracker smooths over is cut twice.
+    A short piece is divided between its neighbours if two quintics do as well, because a touch that
+    the tracker smooths over is cut twice.
     """
     pieces = [_fitted(samples, first, last, 3) for first, last in cuts]
     price = 6 * math.log(samples.positions.size)
@@ -301,10 +293,7 @@ def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
 def _described(
     samples: _Samples, pieces: list[_Piece], rest_height: float, gaps: list[int]
 ) -> tuple[Segment, ...]:
-    """Return the motion of each piece, and why it begins.
-
-    A piece that is neither flight nor on the ground may have a low bounce in it that was not cut.
-    """
+    """Return the motion of each piece, and why it begins."""
     segments: list[Segment] = []
     kinds = [_kind(samples, piece, rest_height) for piece in pieces]
     for i, (piece, kind) in enumerate(zip(pieces, kinds, strict=True)):
@@ -333,9 +322,8 @@ def _described(
 def _velocity(samples: _Samples, piece: _Piece, time: float, kind: SegmentKind) -> Array:
     """Return the velocity in a piece at a time near one of its ends, shape `(3,)` [m/s].
 
-    It is the velocity of a cubic through the samples within `VELOCITY_WINDOW`. What is known of the
-    acceleration and its change (`ACCELERATION_DEVIATION`, `JERK_DEVIATION`) weighs as much as
-    measurements of that accuracy would: a few noisy samples after a bounce do not determine them.
+    A cubic is fitted to the samples within `VELOCITY_WINDOW`, and to what is known of the
+    acceleration and its change: a few noisy samples after a bounce do not determine them.
     """
     acceleration = np.array([0.0, 0.0, 0.0 if kind in ON_GROUND else -GRAVITY])
     times = samples.times[piece.first : piece.last] - time
@@ -378,9 +366,8 @@ def _at_bounces(
 ) -> tuple[Measured | None, Measured | None]:
     """Return restitution and friction at bounces, None without any.
 
-    A ball slides to the end of a bounce if slip is left that the next bounce takes away. A change
-    of velocity by friction changes the slip by 1 + m r^2 / I times as much, and in flight the slip
-    changes as the velocity.
+    A ball slides to the end of a bounce if slip is left that the next bounce takes away. Friction
+    changes the slip by 1 + m r^2 / I times the velocity, and flight as the velocity.
     """
     speed_deviation = samples.speed_deviation
     slip_per_change = 1.0 + ball.turning * ball.mass
@@ -415,10 +402,7 @@ def _at_bounces(
 def _rolling_deceleration(
     samples: _Samples, segments: Iterable[Segment], ball: Ball, air: Air
 ) -> Measured | None:
-    """Return the deceleration of rolling balls without the part by drag [m/s2], or None.
-
-    The force of the air moves a rolling ball as if its mass were m + I / r^2.
-    """
+    """Return the deceleration of rolling balls without the part by drag [m/s2], or None."""
     decelerations: list[tuple[float, float]] = []
     drag = acceleration_function(ball, air)
     heavier = 1.0 + ball.inertia / (ball.mass * ball.radius**2)
@@ -442,8 +426,7 @@ def _rolling_deceleration(
 def _median(measurements: Sequence[tuple[float, float]]) -> Measured | None:
     """Return the median of values, each with its deviation; None without any values.
 
-    The values are taken as normally distributed. Their spread is estimated from the values, but is
-    not below the median deviation of a single value. Up to two values, the median is the mean.
+    The spread is estimated from the values, but not below the median of the deviations.
     """
     if not measurements:
         return None

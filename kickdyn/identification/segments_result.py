@@ -138,8 +138,8 @@ class Segments(Printed):
     def flights(self) -> tuple[Track, ...]:
         """The parts in which the ball flies, without the samples near their cuts.
 
-        Tracking systems smooth over touches. The samples within 0.1 s of a cut are left out, but no
-        more than a tenth of the flight at each end.
+        Trackers smooth there: samples within 0.1 s of a cut are left out, but at most a tenth at
+        each end.
         """
         flights = []
         for segment in self.parts:

@@ -173,11 +173,7 @@ class Track(ValueEquality, ReprMixin):
         return int(self.times.size)
 
     def __getitem__(self, index: slice) -> "Track":
-        """Return a part of the track.
-
-        Raises:
-            InvalidInput: an index that is no slice, or a slice without a sample.
-        """
+        """Return a part of the track; raise `InvalidInput` unless it is a slice with a sample."""
         if not isinstance(index, slice):
             raise InvalidInput(
                 f"track[{index!r}]: a part of a track is a slice such as track[10:60]"
@@ -339,10 +335,7 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 
 def _find_columns(header: Sequence[str], names: Sequence[str]) -> list[tuple[int, float]]:
-    """Return place and unit of the columns for t, x, y, z; none unless each is named once.
-
-    A name of another case is found, or with one of `UNITS`, if there is none that is the same.
-    """
+    """Return place and unit of the columns for t, x, y, z; none unless each is named once."""
     found = []
     for name, units in zip(names, UNITS, strict=True):
         split = [_name_and_unit(cell, units) for cell in header]
@@ -406,10 +399,7 @@ def _without_gaps(rows: Array, units: Sequence[float]) -> tuple[Array, Array, tu
 
 
 def find_label(name: str, labels: Sequence[str], where: str) -> int:
-    """Return the number of a marker; `RASI` finds `Anna:RASI`, if no other subject has it.
-
-    Raises `InvalidInput` if there is no such marker, or several.
-    """
+    """Return the number of a marker, or raise `InvalidInput`; `RASI` finds the only `Anna:RASI`."""
     ends = [k for k, label in enumerate(labels) if label == name]
     ends = ends or [k for k, label in enumerate(labels) if label.endswith(f":{name}")]
     if len(ends) > 1:
@@ -445,8 +435,8 @@ def _within_reach(times: Array, positions: Array, missing: NDArray[np.bool_]) ->
 def c3d_content(file: str | PathLike[str]) -> tuple[list[str], float, float, int, Array]:
     """Return labels, unit [m], rate [Hz], first frame and positions `(markers, n, 3)` of a C3D.
 
-    Positions of 0, 0, 0 are gaps, NaN. Raises `FaultyFile`, or `InvalidInput` where ezc3d is not
-    installed.
+    Gaps are NaN. A child process reads the file, because on damaged ones ezc3d may crash, take all
+    memory, or never end. With `-P` it imports nothing from the working directory.
     """
     source = str(file)
     if find_spec("ezc3d") is None:
@@ -454,7 +444,21 @@ def c3d_content(file: str | PathLike[str]) -> tuple[list[str], float, float, int
             'C3D files need the package ezc3d: install it with pip install "kickdyn[c3d]"'
         )
     check_file(file, source, LARGEST_FILE, FaultyFile)
-    labels, unit, rate, first_frame, data = _c3d_content(file, source)
+    code = f"from {__name__} import _send_c3d; _send_c3d()"
+    paths = os.pathsep.join(filter(None, sys.path))
+    try:
+        child = subprocess.run(
+            [sys.executable, "-P", "-c", code, os.fspath(file), str(C3D_MEMORY),
+             str(math.ceil(C3D_TIME))],
+            capture_output=True, timeout=10.0 * C3D_TIME, check=True,
+            env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"},
+        )  # fmt: skip
+        with np.load(io.BytesIO(child.stdout)) as content:
+            labels, (unit,) = content["labels"].tolist(), content["unit"].tolist()
+            rate, first_frame = float(content["rate"]), int(content["first"])
+            data = content["data"]
+    except (subprocess.SubprocessError, OSError, ValueError, LookupError, BadZipFile):
+        raise FaultyFile(source, ["is not a C3D file that ezc3d can read"]) from None
     if unit.lower() not in METRES or not rate > 0.0:
         fault = (
             f"its unit is {unit!r} and its rate {rate:g} Hz: the unit must be one of "
@@ -471,33 +475,8 @@ def with_gaps(positions: Array) -> Array:
     return np.where(_missing(positions)[..., None], np.nan, positions)
 
 
-def _c3d_content(
-    file: str | PathLike[str], source: str
-) -> tuple[list[str], str, float, int, Array]:
-    """Return labels, unit, rate [Hz], first frame and positions `(markers, n, 3)` of a C3D file.
-
-    A child process reads it, because on damaged files ezc3d may crash, take all memory, or never
-    end. With `-P` it imports nothing from the working directory, which may come from anyone.
-    """
-    code = f"from {__name__} import _send_c3d; _send_c3d()"
-    paths = os.pathsep.join(filter(None, sys.path))
-    try:
-        child = subprocess.run(
-            [sys.executable, "-P", "-c", code, os.fspath(file), str(C3D_MEMORY),
-             str(math.ceil(C3D_TIME))],
-            capture_output=True, timeout=10.0 * C3D_TIME, check=True,
-            env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"},
-        )  # fmt: skip
-        with np.load(io.BytesIO(child.stdout)) as content:
-            labels, (unit,) = content["labels"].tolist(), content["unit"].tolist()
-            rate, first_frame = float(content["rate"]), int(content["first"])
-            return labels, unit, rate, first_frame, np.asarray(content["data"])
-    except (subprocess.SubprocessError, OSError, ValueError, LookupError, BadZipFile):
-        raise FaultyFile(source, ["is not a C3D file that ezc3d can read"]) from None
-
-
 def _send_c3d() -> None:
-    """Write what `_c3d_content` returns to standard output; arguments: file, memory, time."""
+    """Write what `c3d_content` loads to standard output; arguments: file, memory, time."""
     with contextlib.suppress(ImportError, ValueError):  # Windows has no limits
         import resource
 
@@ -517,10 +496,7 @@ def _send_c3d() -> None:
 
 
 def _arrays_of(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is read of a C3D file from the content that ezc3d gives.
-
-    The first labels are in use, one for each point; lists of more than 255 go on as LABELS2.
-    """
+    """Return what is read of a C3D file from the content that ezc3d gives."""
     points, data = content["parameters"]["POINT"], content["data"]["points"]
     lists = [points[key]["value"] for k in ("", *range(2, 100)) if (key := f"LABELS{k}") in points]
     labels = [str(label).strip() for labels in lists for label in labels]
@@ -592,10 +568,7 @@ def mean_acceleration(track: Track) -> Array:
 
 
 def doubts_of_track(track: Track, falling: float) -> tuple[str, ...]:
-    """Return the warnings of a track, and a line if it may be in yards.
-
-    `falling` is the acceleration of the ball downwards [m/s2].
-    """
+    """Return the warnings of a track, and a line if the ball seems to fall in yards."""
     if abs(falling / (GRAVITY * YARDS) - 1.0) > 0.02:
         return track.warnings
     line = f"the ball falls with {falling:.4g} per s2, as in yards: positions must be in metres"

@@ -53,9 +53,9 @@ class Robot:
         foot, stance: frames of the right and of the left foot.
         legs: how the names of the legs' joints begin.
         contact_points: of the `SURFACES` that the right foot has, from the origin of `foot` [m,
-            world axes, straight leg]. Read off the visual mesh: there a ball of size 5 overlaps
-            least with the foot, struck along any normal of the surface. No instep where a motor
-            fills that place, no edge of the sole where it is bevelled or round.
+            world axes, straight leg]: there a ball of size 5 overlaps least with the visual mesh.
+            No instep where a motor fills that place, no edge of the sole where it is bevelled or
+            round.
         steepest: of the toe's normals [deg], above which the ball would reach into instep or shank.
         aside: joints of the arms that are not at 0 where only the legs move [rad].
         turn_deg: roll, pitch and yaw that bring its base's axes to x forward, z up.
@@ -84,7 +84,7 @@ class Robot:
 def normal_cone(direction: float, low: float, high: float) -> Array:
     """Return rows a of the cone of normals n, a n >= 0, that meet a ball, shape `(4, 3)`.
 
-    They are up to `SIDE` to either side of a direction, which is to the left of x, and rise by an
+    They are up to `SIDE` to either side of a direction [rad, to the left of x], and rise by an
     angle from `low` to `high` [rad].
     """
     rows = np.array([
@@ -146,10 +146,7 @@ def robots_folder() -> Path:
 
 
 def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:
-    """Return the URDF or MJCF file of a robot of robot_descriptions, and folders with its meshes.
-
-    It is downloaded the first time.
-    """
+    """Return the file of a robot of robot_descriptions, downloaded at first, and mesh folders."""
     available = _description_names()
     if name not in available:
         matches = get_close_matches(str(name)[:200], [*ROBOTS, *available], 1)

@@ -18,7 +18,7 @@ from kickdyn.core.validation import Array
 from kickdyn.robot.ground_clearance import LARGEST_MESH, Spheres, body_frames, shapes_of
 from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
-from kickdyn.robot.package_files import read_xml
+from kickdyn.robot.robot_file import read_xml
 
 TOUCHING = 5e-3
 """Depth up to which a body counts as touching the ball or another body [m].
@@ -38,13 +38,9 @@ THICKNESS = 1e-3
 
 
 class Body(NamedTuple):
-    """A convex shape at a frame.
+    """A convex shape of coal, with its `pin.SE3` in the frame of a name.
 
-    Attributes:
-        frame: name of the frame.
-        shape: of coal.
-        pose: `pin.SE3` of the shape in the frame; its origin is in the middle of the shape.
-        reach: largest distance of the shape from that origin [m].
+    Its origin is in its middle; `reach` is its largest distance from there [m].
     """
 
     frame: str
@@ -72,13 +68,7 @@ _known: WeakKeyDictionary[Leg, dict[tuple[str, bool], list[Body]]] = WeakKeyDict
 
 
 class BodyPairs(NamedTuple):
-    """Pairs of bodies.
-
-    Attributes:
-        bodies: of the pairs.
-        first, second: indices of each pair's bodies, shape `(k,)`.
-        reach: of each pair's bodies together, shape `(k,)` [m].
-    """
+    """Pairs of bodies by indices, shape `(k,)`, and the `reach` of both bodies together [m]."""
 
     bodies: list[Body]
     first: NDArray[np.int64]
@@ -144,14 +134,7 @@ def ball_proximity(body: Body, centre: Array, radius: float) -> Proximity:
 
 
 class Placed:
-    """The bodies of a leg at a configuration.
-
-    Args:
-        leg: with the shapes.
-        frames: numbers of its frames in `model`, by name.
-        model, data: of the leg, or of a part of it.
-        q: configuration of the model, shape `(nq,)`.
-    """
+    """The bodies of a leg at q; `frames` are numbers in the model, of the leg or a part of it."""
 
     def __init__(self, leg: Leg, frames: Mapping[str, int], model: Any, data: Any, q: Array):
         import coal
@@ -233,9 +216,8 @@ def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
 def body_pairs(leg: Leg) -> BodyPairs:
     """Return the pairs of a leg's bodies that must not be inside each other.
 
-    Bodies of one joint or of a joint and the body that carries it do not count, nor do those that
-    `find_forks` returns, pairs that the SRDF beside the URDF disables (`disable_collisions`), or
-    pairs that touch where all joints are at rest.
+    Bodies of one joint or of a joint and its carrier do not count, nor pairs of `find_forks`, pairs
+    that the SRDF beside the URDF disables, or pairs that touch where all joints are at rest.
     """
     if leg not in _pairs:
         space, frames = leg.workspace, body_frames(leg)
@@ -269,8 +251,8 @@ def _carrier(model: Any, joint: int) -> int:
 def find_forks(leg: Leg) -> set[frozenset[str]]:
     """Return the pairs of frames whose bodies are on both sides of two joints whose axes meet.
 
-    Such bodies, as of an ankle, are forks around the place of the meeting, and their hulls are not.
-    Ranges of the joints keep them apart. A body counts if the sphere around it includes that place.
+    They are forks around the place of the meeting, as of an ankle, and their hulls are not; ranges
+    of the joints keep them apart. A body counts if the sphere around it includes that place.
     """
     model, data, frames = leg.workspace.model, leg.workspace.data, body_frames(leg)
     pin.computeJointJacobians(model, data, rest_configuration(leg))
@@ -314,10 +296,7 @@ def disabled_pairs(leg: Leg) -> set[frozenset[str]]:
     """Return the pairs of links that the SRDF of a leg's file disables; none without one.
 
     It lies beside the file or in the folder `srdf` beside its folder, under the name of the file or
-    of the robot.
-
-    Raises:
-        FaultyFile: it is not XML.
+    of the robot. Raises `FaultyFile` if it is not XML.
     """
     if leg.file is None:
         return set()

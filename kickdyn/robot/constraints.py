@@ -174,8 +174,8 @@ class Constraints:
         """Return A with A v = 0, shape `(size, nv)` [world axes], and where its impulses act.
 
         Kinematics must have run at `q`. Rows of a support are the velocity of its frame, linear
-        then angular; of a loop, of its second frame's origin relative to the first's. Rows of
-        mimic joints and of stiff joints have no block: their impulses are along joint axes.
+        then angular; of a loop, of its second frame's origin relative to the first's. Mimic joints
+        and stiff joints have no block: their impulses are along joint axes.
         """
         matrix, blocks, span = np.empty((self.size, model.nv)), [], slice(0, 0)
         for (start, end), size in zip(self._ends, self.sizes, strict=False):
@@ -284,10 +284,7 @@ class Constraints:
         )
 
     def _newton(self, model: Any, data: Any, q: Array, free: Array) -> tuple[Array, Array, int]:
-        """Return the best configuration that was met, its gaps and the rank of the last step.
-
-        Each step is the smallest that closes the loops to first order, half a radian at most.
-        """
+        """Return the best configuration of Newton's method, its gaps, and the last step's rank."""
         best, narrowest, rank = q, np.full((len(self.loops), 3), np.inf), 0
         for _ in range(50):
             pin.forwardKinematics(model, data, q)
@@ -363,18 +360,12 @@ class ConstraintProjector(ReadOnlyArrays):
         return np.asarray(self._least_impulses @ -blocked)
 
     def correction(self, rates: Array) -> Array:
-        """Return the shortest whitened velocity w with W^T w = rates, of the independent rows.
-
-        It is the change of least kinetic energy that gives A v these values, shape `(size,)`.
-        """
+        """Return the shortest whitened velocity w with W^T w = rates, shape `(size,)`."""
         scaled = (rates / self._length)[self.independent]
         return np.asarray(self._basis.dot(blas.dtrsv(self._factor, scaled, trans=1)))
 
     def find_violation(self, v: Array) -> tuple[str, float, str] | None:
-        """Return the constraint that a velocity breaks fastest, its speed and the unit.
-
-        None if that is the rounding of the fastest joint.
-        """
+        """Return the constraint that a velocity breaks most, speed and unit; None if rounding."""
         speeds, fastest = abs(self.rows.dot(v)).tolist(), max(map(abs, v.tolist()))
         reaches, starts = abs(self.rows).sum(axis=1).tolist(), self.constraints.starts
         # of the three parts of a velocity, one alone may be rounding
@@ -397,9 +388,8 @@ class ConstraintProjector(ReadOnlyArrays):
 def find_open_loops(model: Any, data: Any) -> list[tuple[str, str]]:
     """Return the pairs of frames that look like the two ends of a loop which was cut open.
 
-    URDF knows trees only, so that a closed linkage is cut at a pin, whose two halves are marked by
-    links without mass. Such a link is fixed to its body, nothing hangs on it, and it is in the same
-    place as another one when all joints are at 0; neither body carries the other.
+    They are links without mass, fixed to their bodies, at one place while all joints are at 0;
+    neither body carries the other.
     """
     frames = list(model.frames)
     carrying = {int(frame.parentFrame) for frame in frames}

@@ -116,10 +116,7 @@ def foot_surfaces(leg: Leg) -> dict[str, FootSurface]:
 
 
 def _foot_hull(leg: Leg) -> ConvexHull:
-    """Return the hull of the foot's shapes while all joints are at 0, from the contact frame [m].
-
-    It runs the kinematics of the workspace. Raises `InvalidInput` if the shapes span no volume.
-    """
+    """Return the hull of the foot's shapes with all joints at 0, from the contact frame [m]."""
     model, data, joint = leg.workspace.model, leg.workspace.data, leg.contact_joint
     pin.forwardKinematics(model, data, leg.configuration())
     origin = pin.updateFramePlacement(model, data, leg.frame_id).translation

@@ -63,14 +63,10 @@ class HumanModel(StrEnum):
 
 
 class Person(NamedTuple):
-    """A person of whose size the leg is.
+    """A person: height [m], mass [kg], sex, and segments by the names of the template's links.
 
-    Attributes:
-        height: [m].
-        mass: [kg].
-        sex: whose joints' torques are scaled.
-        medial: direction of the body's middle along y, 1 for the right leg and -1 for the left one.
-        segments: by the names of the template's links.
+    The body's middle is along y in the direction `medial`, 1 for the right leg and -1 for the left
+    one.
     """
 
     height: float
@@ -126,11 +122,10 @@ def human_leg(
     base: str,
     source: Any,
 ) -> tuple[UrdfFile, Any, Array | None]:
-    """Return the URDF, the `pin.Model` and the cone of contact normals of a person's leg.
+    """Return the URDF, the `pin.Model` and the cone of contact normals of `Leg.human`.
 
-    The arguments are as for `Leg.human`, which raises the same errors. Joints without a source
-    for torque and speed have no limits in the model; in the URDF, which needs them, they have those
-    of the joint before them.
+    Joints without a source for torque and speed have no limits in the model; in the URDF, which
+    needs them, they have those of the joint before them.
     """
     height = validation.number("height", height, at_least=1.2, at_most=2.3, unit="m")
     mass = validation.number("mass", mass, at_least=30.0, at_most=200.0, unit="kg")

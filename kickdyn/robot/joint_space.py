@@ -270,8 +270,7 @@ def _joined(model: Any, data: Any, number: int, inertia: Array) -> _Body:
 def _orthonormal(joint: Array) -> tuple[Array, Array, Array]:
     """Return Q and R with S = Q R, and an orthonormal basis N across S.
 
-    Translations and rotations have bases of their own, in which no number depends on the unit of
-    length; only a joint that couples the two, such as a screw, has common ones.
+    Translations and rotations have bases of their own, unless a joint couples the two, as a screw.
     """
     moves = np.array([joint[:3].any(axis=0), joint[3:].any(axis=0)])
     size = joint.shape[1]

@@ -93,10 +93,7 @@ class Gears:
         return followed
 
     def check(self, q: Array, named: Container[str] | None = None) -> Array:
-        """Return `follow(q)`; raise `InvalidInput` where a mimic joint is elsewhere in q.
-
-        With `named`, joints that are not among these may be elsewhere.
-        """
+        """Return `follow(q)`; raise `InvalidInput` if a mimic joint, of `named`, is elsewhere."""
         followed = self.follow(q)
         for mimic, place in zip(self.mimics, self._places, strict=True):
             slack = MIMIC_TOLERANCE * max(1.0, abs(followed[place]))
@@ -270,10 +267,7 @@ class JointTable:
 
     @cached_property
     def angle_bounds(self) -> list[tuple[list[int], list[float]]]:
-        """Of q and of a short q: places of angles, and by which size they look like degrees.
-
-        In q, it is the sine of a continuous joint, which never does.
-        """
+        """Of q and of a short q: places of angles, and by which size they look like degrees."""
         model, forms = self._model, list[tuple[list[int], list[float]]]()
         short = list(range(model.nq)) if self._short_form is None else self._short_form[0].tolist()
         mimicking = {mimic.joint for mimic in self.mimics}
@@ -291,10 +285,7 @@ class JointTable:
         return forms
 
     def too_fast(self, v: ArrayLike) -> list[str]:
-        """Return a line for each joint of one degree of freedom that is faster than its limit.
-
-        A joint whose limit is 0 must not move; an infinite limit is never exceeded.
-        """
+        """Return a line for each joint of one degree of freedom that is faster than its limit."""
         lines, speeds = [], np.abs(validation.vector("v", v, self.nv))
         for name in self.single_joints:
             index = self.velocity_index(name)
@@ -334,10 +325,7 @@ class JointTable:
 
     @cached_property
     def _short_form(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
-        """Where each number of a short q is in q, and whether it is a continuous joint's angle.
-
-        None if a short q is q itself.
-        """
+        """Places of a short q in q, and which are continuous joints' angles; None if q itself."""
         model, places, angles = self._model, list[int](), list[bool]()
         mimicking = {mimic.joint for mimic in self.mimics}
         for joint in range(1, model.njoints):
@@ -350,10 +338,7 @@ class JointTable:
         return None if len(places) == model.nq else (np.array(places), np.array(angles))
 
     def expand_joint_names(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return values by joint from those by joint or pattern; raise `InvalidInput` for neither.
-
-        Joints of one degree of freedom have names.
-        """
+        """Return values by joint from those by joint or pattern, or raise `InvalidInput`."""
         values = validation.mapping("values", values)
         for name in values:
             if not expand_patterns({name: 0.0}, self.single_joints):
@@ -361,10 +346,7 @@ class JointTable:
         return expand_patterns(values, self.single_joints)
 
     def _values_to_lock(self, wanted: Mapping[str, float]) -> dict[str, float]:
-        """Return the values of the joints that `wanted` names or matches [rad; m if prismatic].
-
-        A mimic joint that a pattern matches follows its driver, if that is locked too.
-        """
+        """Return the values of the joints that `wanted` names or matches [rad; m if prismatic]."""
         values = self.expand_joint_names(wanted)
         for mimic in self.mimics:
             if mimic.driver in values and mimic.joint not in wanted:
@@ -377,10 +359,7 @@ class JointTable:
 
 
 def look_like_degrees(joints: JointTable, q: Array) -> NDArray[np.bool_]:
-    """Return whether angles of configurations, `(..., nq)`, seem to be in degrees, `(...)`.
-
-    A short q is taken, too, which alone has the angle of a continuous joint.
-    """
+    """Return whether angles of configurations, `(..., nq)` or short, seem to be in degrees."""
     columns, bounds = joints.angle_bounds[q.shape[-1] != joints.nq]
     sizes = np.abs(q[..., columns])
     return np.asarray(((sizes > bounds) | (sizes == 0.0)).all(axis=-1) & sizes.any(axis=-1))

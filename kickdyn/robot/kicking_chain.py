@@ -41,8 +41,8 @@ class KickingChain:
 def assumed_speed_limit(leg: Leg) -> Array:
     """Return the limits of the joints' speeds, shape `(nv,)` [rad/s; m/s for prismatic joints].
 
-    A joint without one, or with 0, has the largest limit of the other joints of its unit: a leg is
-    not infinitely fast in the joints whose limits are not known. It is infinite if none has one.
+    A joint without one, or with 0, has the largest limit of the joints of its unit; inf without
+    any.
     """
     limit = np.where(leg.velocity_limit > 0.0, leg.velocity_limit, np.inf)
     units = {name: leg.joint_unit(name) for name in leg.single_joints}
@@ -109,10 +109,7 @@ def kicking_chain(
 
 
 def with_angles(robot: Leg) -> Leg:
-    """Return a robot whose continuous joints have one angle in q, from -pi to pi, as plans do.
-
-    Its q is the short one that the robot itself takes too. Without such joints, it is the robot.
-    """
+    """Return a robot whose continuous joints have one angle in q, from -pi to pi, as plans do."""
     model = robot.workspace.model
     has_continuous = (2, 1) in zip(model.nqs, model.nvs, strict=True)
     return robot.with_model(angle_model(robot.model)) if has_continuous else robot

@@ -36,16 +36,11 @@ ACTUATED_JOINTS = (0, 1)
 def build_mjcf_model(
     file: MjcfFile, frame: str, base: str, locked: Mapping[str, float] | None
 ) -> tuple[MjcfFile, Any, list[tuple[str, str]]]:
-    """Return the `pin.Model` of the tree of bodies that moves a frame.
+    """Return the file with what was read of it, its `pin.Model`, and the ends of its loops.
 
-    Before it comes the file, with what was read of it; after it, the pairs of frames whose origins
-    stay together.
-
-    Args:
-        file: the checked document.
-        frame: a body, site or geom; without one of this name that moves, all bodies are read.
-        base: `fixed` or `floating`, as for `Leg.from_mjcf`.
-        locked: joints that are to be locked, or patterns: how they are constrained does not matter.
+    The model has the tree of bodies that moves a body, site or geom, the `frame`; all bodies
+    without one of this name that moves. How joints are constrained that are to be `locked` does not
+    matter.
     """
     check_base(base)
     check_type(str, frame=frame)  # MuJoCo crashes on None
@@ -80,8 +75,8 @@ def _find_passive_joints(compiled: Any) -> tuple[str, ...]:
 class _Builder:
     """Turns compiled bodies, each after the one that carries it, into a `pin.Model`.
 
-    MuJoCo computes where bodies and joints are in the world while all joints are at 0, a free joint
-    and a ball joint where the file places them; placements are differences of these poses.
+    Placements are differences of the poses that MuJoCo computes with all joints at 0, and free
+    joints and ball joints where the file places them.
     """
 
     def __init__(
@@ -232,8 +227,7 @@ class _Builder:
     def _add_constraints(self) -> None:
         """Add a loop for each `<connect>` of two bodies, and a mimic for each joint that follows.
 
-        Raises `InvalidInput` for another constraint that has an effect on a joint that is not
-        locked.
+        Raises `InvalidInput` for others that have an effect on a joint that is not locked.
         """
         import mujoco
 
@@ -307,11 +301,9 @@ def _pose(position: Array, rotation: Array) -> Any:
 
 
 def effort_limits(compiled: Any) -> Array:
-    """Return the largest torque or force at every joint, shape `(njnt,)` [N m or N].
+    """Return the largest torque or force at every joint, shape `(njnt,)` [N m or N], or inf.
 
-    It is the smaller one of what the joint allows (`actuatorfrcrange`) and what its actuators
-    can exert: gear times `forcerange`, or for motors without one, gear times gain times
-    `ctrlrange`. A range with unequal ends counts with the smaller one; inf is no limit.
+    `Leg.from_mjcf` says which; a range with unequal ends counts with the smaller one.
     """
     reach, driven = np.zeros(compiled.njnt), np.zeros(compiled.njnt, dtype=bool)
     for number in range(compiled.nu):
@@ -336,15 +328,9 @@ def mujoco_state(model: Any, q: Array, v: Array, compiled: Any = None) -> tuple[
     """Return `qpos` and `qvel` of MuJoCo for q and v of a `pin.Model`.
 
     Quaternions are wxyz there, a floating base moves in the world's axes, and joints without limits
-    have one angle.
-
-    Args:
-        model: the model.
-        q: configuration, shape `(nq,)`.
-        v: velocity, shape `(nv,)`.
-        compiled: a `mujoco.MjModel` with joints of the same names; its other joints are where it
-            begins with them. Without it, joints follow each other as in the model, depth first, as
-            MuJoCo numbers them where a file has the model's bodies.
+    have one angle. `compiled` is a `mujoco.MjModel` with joints of the same names, whose other
+    joints are where it begins with them. Without it, joints follow each other as in the model,
+    depth first, as MuJoCo numbers them where a file has the model's bodies.
     """
     states: dict[int, tuple[Array, Array]] = {}
     for joint in range(1, model.njoints):

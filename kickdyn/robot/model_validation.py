@@ -250,10 +250,9 @@ def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
 
 
 def find_singular_joints(model: Any, inertia: Array) -> list[str]:
-    """Return the joints along whose motion the joint-space inertia is singular, or nearly so.
+    """Return the joints with a share in the null vectors of an inertia, or in the nearest to one.
 
-    They are those with a share in its null vectors; or, if it has none, in the nearest to one. If
-    entries are not finite, they are the joints with such an entry.
+    If entries are not finite, they are the joints with such an entry.
     """
     singular: NDArray[np.bool_] = np.logical_not(np.isfinite(inertia).all(axis=1))
     if not singular.any():

@@ -183,10 +183,7 @@ def _of_table(tables: Tables, sex: Sex) -> dict[str, Segment]:
 
 
 def _yeadon(human: Any, side: str, height: float) -> dict[str, Segment]:
-    """Return the segments of a measured person; solids of the foot, which points down, lie forward.
-
-    The axes of a `yeadon.Human` are x left, y and z up. Solids are symmetric about y.
-    """
+    """Return the segments of a `yeadon.Human`: x is left, z up, and the foot points down."""
     thigh, lower = (human.K1, human.K2) if side == "right" else (human.J1, human.J2)
     for segment in (human.P, thigh, lower):
         if not np.allclose(segment.rot_mat, np.eye(3)):

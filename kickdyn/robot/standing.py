@@ -114,13 +114,7 @@ class StandingRobot:
 
 @dataclass(frozen=True, eq=False)
 class Foot:
-    """The kicking foot while it stands on the ground.
-
-    Attributes:
-        frame: the contact frame, which it carries.
-        pose: of the joint that carries it in the world, a `pin.SE3`.
-        sole: corners of its sole, shape `(k, 2)` [m, world frame, x and y].
-    """
+    """The kicking foot on the ground: contact frame, `pin.SE3` of its joint, sole `(k, 2)` [m]."""
 
     frame: str
     pose: Any
@@ -146,10 +140,7 @@ def place_base(robot: Leg, q: Array, frame: int, placement: Any) -> Array:
 
 
 def hold_support(posture: Posture, q: Array) -> Array:
-    """Return q with the floating base moved so that the first support is where a posture has it.
-
-    A leg without supports, or on a fixed base, keeps q, shape `(nq,)`.
-    """
+    """Return q with a floating base moved so that the first support is where a posture has it."""
     leg = posture.leg
     if not leg.supports or not is_floating(leg):
         return q
@@ -199,10 +190,9 @@ def _flat_support(robot: Leg) -> Support:
 
 
 def _flat_on_ground(robot: Leg, support: Support) -> tuple[Any, Array]:
-    """Return the pose of a frame while its foot is flat on the ground, and its sole's corners.
+    """Return the `pin.SE3` of a frame whose foot is flat on the ground, and its sole's corners.
 
-    The first is a `pin.SE3`, with x and y while all joints are at 0; the corners have the shape
-    `(k, 3)` [m, support frame].
+    x and y are those with all joints at 0; the corners have the shape `(k, 3)` [m, support frame].
     """
     model, data = robot.workspace.model, robot.workspace.data
     frame = frame_id(model, support.frame)
@@ -245,11 +235,7 @@ def _is_level(corners: Array) -> bool:
 
 
 def _levelled(rotation: Array, normals: Array, areas: Array) -> Array:
-    """Return a rotation of a foot that turns its largest downward face to the ground.
-
-    `normals` of its faces, shape `(k, 3)` [frame], point outwards; without one that is within
-    `MOST_TILT` of the ground, it is `rotation`.
-    """
+    """Return a rotation of a foot that turns its largest face within `MOST_TILT` to the ground."""
     downward = -normals @ rotation[2]
     if not (downward >= np.cos(MOST_TILT)).any():
         return rotation
@@ -290,9 +276,9 @@ def _on_ground(placement: Any, corners: Array) -> Array:
 def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
     """Return corners of the sole of a support, shape `(k, 3)` [m, support frame].
 
-    Without corners in the support, the shapes of its joint's bodies are cut at `SOLE_THICKNESS`
-    above their lowest point in the standing robot; the corners are the extreme points below in
-    eight directions, on one level. `rotation` is from the frame's axes to the world's.
+    Without corners in the support, they are the extreme points in eight directions of the shapes up
+    to `SOLE_THICKNESS` above their lowest point, on one level. `rotation` is from the frame to the
+    world.
     """
     if support.sole is not None:
         return support.sole
@@ -317,13 +303,7 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
 
 
 def sole_corners(robot: Leg, support: Support) -> Array:
-    """Return the corners of the sole of a foot, shape `(k, 3)` [m, support frame].
-
-    They are those of the support, or else of the foot's shapes while it is flat on the ground.
-
-    Raises:
-        InvalidInput: the foot has no flat sole.
-    """
+    """Return the corners of a foot's sole, `(k, 3)` [m, support frame], or raise `InvalidInput`."""
     return _flat_on_ground(robot, support)[1]
 
 

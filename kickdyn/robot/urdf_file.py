@@ -32,8 +32,7 @@ from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.joint_table import Mimic
 from kickdyn.robot.model_validation import ROUNDING, second_moments
 from kickdyn.robot.names import expand_patterns, listed, name_fault
-from kickdyn.robot.package_files import list_folders, read_xml
-from kickdyn.robot.visuals import RobotFile, Shape, Visual
+from kickdyn.robot.robot_file import RobotFile, Shape, Visual, list_folders, read_xml
 
 MAX_LINKS = 3000
 """Pinocchio's parser overflows the stack at about 3,800 links in a row."""
@@ -101,11 +100,8 @@ def read_urdf(
 ) -> UrdfFile:
     """Read and check a URDF file, whose meshes may be in further folders.
 
-    The joints that a locked joint mimics are not checked; `locked` has names or patterns.
-
-    Raises:
-        UrdfError: with all faults that `find_faults` finds, in one message.
-        InvalidInput: `path` is no path at all, or there is no such folder.
+    Joints that a locked joint mimics are not checked. Raises `UrdfError` with all faults of
+    `find_faults`, or `InvalidInput` if `path` is no path or there is no such folder.
     """
     try:
         file, source = Path(path), str(path)
@@ -136,8 +132,8 @@ def read_urdf(
 def _remove_limits(root: Element) -> list[str]:
     """Give joints the number that means no limit; return those with an effort or velocity of none.
 
-    A continuous joint that mimics another, or is mimicked, becomes a revolute joint without a
-    range, whose q is its angle, because cosine and sine do not tell one turn from the next.
+    A continuous joint that takes part in a mimic becomes a revolute one without a range, whose q is
+    its angle, because cosine and sine do not tell one turn from the next.
     """
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     drivers, unlimited = _drivers(joints), []
@@ -158,16 +154,9 @@ def _remove_limits(root: Element) -> list[str]:
 
 
 def build_model(text: str, source: str, base: str) -> Any:
-    """Return the `pin.Model` of a URDF.
+    """Return the `pin.Model` of the text of a URDF, on a base `fixed` or `floating`.
 
-    Args:
-        text: the document.
-        source: its name, for errors.
-        base: `fixed` or `floating`, as for `Leg.from_urdf`.
-
-    Raises:
-        UrdfError: Pinocchio refuses it, or complains, or no joint moves.
-        InvalidInput: an unknown base.
+    Raises `UrdfError` if Pinocchio refuses it or complains, or if no joint moves.
     """
     check_base(base)
     root = (pin.JointModelFreeFlyer(),) if base == "floating" else ()
@@ -272,11 +261,7 @@ def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
 
 
 def find_irregularities(root: Element) -> list[str]:
-    """Return a line for impossible inertias and one for limits that are left out.
-
-    Inertias are judged with what moves together, by `model_validation`: a link alone may have one
-    that no body has.
-    """
+    """Return a line for links with impossible inertias and one for limits that are left out."""
     impossible = [link for link in root.findall("link") if _is_impossible(link)]
     unlimited = [
         joint
@@ -398,10 +383,7 @@ def _drivers(joints: dict[str, Element]) -> dict[str, str]:
 
 
 def read_mimics(root: Element) -> tuple[Mimic, ...]:
-    """Return the mimic joints of a robot without faults, each with a driver that mimics none.
-
-    What mimics a joint that does not exist, and is to be locked, is left out.
-    """
+    """Return the mimic joints, each with a driver that exists and mimics none."""
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     drivers, mimics = _drivers(joints), []
     for name in drivers:

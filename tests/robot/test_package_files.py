@@ -5,7 +5,7 @@ import os
 import pytest
 
 import kickdyn as kd
-from kickdyn.robot.package_files import PackageFiles
+from kickdyn.robot.robot_file import PackageFiles
 
 MANIFEST = "<?xml version='1.0'?><package format='3'><name>{}</name></package>"
 

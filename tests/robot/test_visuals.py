@@ -12,8 +12,7 @@ import pytest
 import trimesh
 
 import kickdyn as kd
-from kickdyn.robot.package_files import PackageFiles
-from kickdyn.robot.visuals import read_mesh
+from kickdyn.robot.robot_file import PackageFiles, read_mesh
 
 BOX = (0.1, 0.2, 0.3)
 watching: list[list[str]] = []

@@ -28,8 +28,13 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, NoImpact
-from kickdyn.identification.contact_moment import BALL_WINDOW, FLIES_AFTER, ball_side
-from kickdyn.identification.leg_motion import ContactMotion, LegMotion
+from kickdyn.identification.leg_motion import (
+    BALL_WINDOW,
+    FLIES_AFTER,
+    ContactMotion,
+    LegMotion,
+    ball_side,
+)
 from kickdyn.identification.track import Track
 from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.robot.leg import Posture

@@ -10,8 +10,8 @@ from kickdyn.planning.kick_terms import KickTerm, KickVariables
 from kickdyn.planning.problem import TOLERANCE, Kind
 from kickdyn.robot.collisions import TOUCHING, Body, Placed, Proximity
 from kickdyn.robot.ground_clearance import LARGEST_MESH, body_frames
-from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.standing import rest_configuration
 
 RESERVE = 1e-3
 """What is left of `TOUCHING` [m]: the solver keeps its conditions within a tolerance."""

@@ -33,9 +33,9 @@ from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_laun
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.stance import Balance
-from kickdyn.robot.kicking_chain import with_angles
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.names import MAX_FAULTY, listed
+from kickdyn.robot.standing import with_angles
 
 LONGEST_COURSE = 10.0
 """Time for which each flight, and rolling, of a trapped ball is followed at most [s]."""

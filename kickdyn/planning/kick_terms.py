@@ -26,14 +26,14 @@ from kickdyn.impact.leg_derivatives import leg_derivatives
 from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.planning.problem import TOLERANCE, Bounds, Function, Kind
 from kickdyn.robot.human_body import muscle_share, muscle_share_slope
-from kickdyn.robot.kicking_chain import (
+from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.model_validation import frames_by_name
+from kickdyn.robot.standing import (
     UNLIMITED,
     assumed_speed_limit,
     kicking_chain,
     rest_configuration,
 )
-from kickdyn.robot.leg import Leg, Posture
-from kickdyn.robot.model_validation import frames_by_name
 
 DIFFERENCE_STEP = 1e-7
 """Step of the unknowns in the differences that stand for derivatives."""

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array
 from kickdyn.robot.ground_clearance import LARGEST_MESH, Spheres, body_frames, shapes_of
-from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.robot_file import read_xml
+from kickdyn.robot.standing import rest_configuration
 
 TOUCHING = 5e-3
 """Depth up to which a body counts as touching the ball or another body [m].

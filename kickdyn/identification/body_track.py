@@ -133,8 +133,8 @@ class BodyTrack(ReprMixin):
             radius: distance of these markers from the centre of the ball [m].
 
         Raises:
-            InvalidInput: an unknown marker; markers that are not seen in any frame; several markers
-                that are fewer than four, without a radius, or not on a sphere of this radius.
+            InvalidInput: an unknown marker or one that is never seen; several markers that are
+                fewer than four, without a radius, or not on a sphere of this radius.
         """
         paths = self.positions[:, [self.find_marker(label) for label in (name, *others)]]
         if others:
@@ -186,10 +186,9 @@ class BodyTrack(ReprMixin):
     @classmethod
     @validation.check_arguments
     def from_trc(cls, file: str | PathLike[str], *, up: str = "y") -> "BodyTrack":
-        """Read all markers of a TRC file, as OpenSim, Pose2Sim and OpenCap write it.
+        """Read all markers of a TRC file, as OpenSim, Pose2Sim and OpenCap write it, in metres.
 
-        Empty cells and nan are gaps. Positions are converted to metres by the unit in the file.
-        Markers without a name are left out.
+        Empty cells and nan are gaps. Markers without a name are left out.
 
         Args:
             file: the file, text up to 64 MB.

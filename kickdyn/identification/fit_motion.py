@@ -260,22 +260,21 @@ def fit_motion(
         track: measured markers, or joint angles.
         leg: the leg, on a floating base if its hip moves. Supports and loops do not count.
         markers: where each marker is on the leg: `{"knee": "shank"}` is the origin of the link
-            shank, `{"tibia": ("shank", (0.03, 0, -0.2))}` a point in its axes [m]. Markers of the
-            track that are not named do not count.
-        angles: for a track of angles, its coordinate for each joint of the leg, with a minus where
-            it has the other direction: `{"knee": "-knee_angle_r"}`. Each joint must be named. A
-            floating base is placed by the coordinates `pelvis_tx` to `pelvis_rotation` of OpenSim.
-            The deviation of angles is taken to be 0.5 degrees, of `pelvis_tx` to `tz` 9 mm.
+            shank, `{"tibia": ("shank", (0.03, 0, -0.2))}` a point in its axes [m]. Others do not
+            count.
+        angles: for a track of angles, its coordinate for each joint of the leg, with a minus for
+            the other direction: `{"knee": "-knee_angle_r"}`. A floating base is placed by the
+            coordinates `pelvis_tx` to `pelvis_rotation` of OpenSim. The deviation of angles is
+            taken to be 0.5 degrees, of `pelvis_tx` to `tz` 9 mm.
         contact: when the contact begins, across which nothing is smoothed: a time [s]; a time and
             its standard deviation, `(t, deviation)`; or the `Track` of the ball on the same clock,
-            from which both are computed. The deviation counts in `at_contact` and `infer_impact`.
+            from which both are computed.
         scale: whether to estimate the lengths of segments from the markers; masses stay, radii of
-            gyration scale with lengths. Places of markers that do not fit as given are estimated,
-            too, as far as the motion shows them.
+            gyration scale with lengths. Places of markers that do not fit are estimated, too.
 
     Raises:
-        InvalidInput: an unknown marker or frame, too few markers for a segment, markers that do
-            not fit the leg, another unit or vertical axis, or too few frames.
+        InvalidInput: an unknown marker or frame, too few markers for a segment, markers that do not
+            fit the leg, another unit or vertical axis, or too few frames.
     """
     moment = None if contact is None else contact_moment("contact", contact)
     if moment and not track.times[0] < moment.time <= track.times[-1] + 0.02:

@@ -41,7 +41,7 @@ SMALL_SHARE = 0.05
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification(ReprMixin):
-    r"""Launch, spin, drag, lift and wind of a measured flight, with their uncertainty.
+    """Launch, spin, drag, lift and wind of a measured flight, with their uncertainty.
 
     Names of the unknowns: `x`, `y`, `z` [m] and `vx`, `vy`, `vz` [m/s] at the first sample;
     `back_spin`, `side_spin` (positive bends the flight to the left) and `gyro_spin` (about the
@@ -51,16 +51,15 @@ class Identification(ReprMixin):
         track: the measured track.
         ball: the ball.
         air: the air, with the fitted coefficients and wind.
-        launch: the state of the ball at the first sample. The spin has all three components; those
-            that the measurement does not determine are the most probable ones.
+        launch: the state of the ball at the first sample; components of the spin that the
+            measurement does not determine are the most probable ones.
         names: names of the unknowns.
         estimates: estimates of the unknowns, shape `(p,)`.
         covariance: covariance of the estimates, shape `(p, p)`.
         residuals: fitted less measured positions, shape `(n, 3)` [m].
         used: which samples count, shape `(n,)`; the others are outliers.
         noise: standard deviation of one measured coordinate [m].
-        widening: factor by which the deviations are larger than for independent samples,
-            because neighbouring residuals are correlated.
+        widening: factor on the deviations because neighbouring residuals are correlated.
         curved: unknowns whose deviations are larger than in a linear fit, because the sum of
             squares is not quadratic around the estimate.
     """
@@ -95,9 +94,8 @@ class Identification(ReprMixin):
     def undetermined(self) -> dict[str, str]:
         """The unknowns that the measurement does not determine, each with the reason.
 
-        Their standard deviation is above `LARGEST_DEVIATION`, or above both half the value and
-        `SMALL_SHARE` of `LARGEST_DEVIATION`, such as 1 rad/s of a spin or 0.005 of a drag
-        coefficient.
+        Their deviation is above `LARGEST_DEVIATION`, or above both half the value and `SMALL_SHARE`
+        of it.
         """
         reasons = {}
         deviations = np.sqrt(np.diag(self.covariance)).tolist()

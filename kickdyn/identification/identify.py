@@ -117,11 +117,10 @@ def identify(
     *,
     free: Iterable[str] = ("spin", "drag"),
 ) -> Identification:
-    r"""Return the flight that best fits measured positions, with standard deviations.
+    """Return the flight that best fits measured positions, with standard deviations.
 
     `scipy.optimize.least_squares` fits the equations of motion to the positions, first with a loss
-    that outliers hardly move (soft L1), then, without the outliers, in the sense of least squares.
-    The derivatives come from `fly_with_slopes`.
+    that outliers hardly move (soft L1), then without the outliers.
 
     Args:
         track: positions in one flight, from after its start to before its end, without a bounce.
@@ -133,8 +132,8 @@ def identify(
             components.
 
     Raises:
-        InvalidInput: fewer than 5 positions, samples a second or more apart, positions that are no
-            flight in metres, or a wrong argument.
+        InvalidInput: fewer than 5 positions, samples a second or more apart, or no flight in
+            metres.
         KickdynError: no flight could be fitted.
     """
     _check_flight(track)
@@ -244,9 +243,8 @@ class _Estimate(NamedTuple):
 def flight_axes(velocity: Array) -> Array:
     r"""Return the axes of back spin, side spin and gyro spin as columns, shape `(3, 3)`.
 
-    With the unit vector :math:`t` along the velocity and :math:`l` horizontal, to its left: back
-    spin turns about :math:`-l` and lifts the ball, side spin about :math:`t \times l` and bends the
-    flight to the left, gyro spin about :math:`t`.
+    Back spin turns about the right, and lifts the ball; gyro spin about the velocity :math:`t`;
+    side spin about :math:`t \times l` with :math:`l` to the left, and bends the flight to the left.
     """
     speed = float(np.linalg.norm(velocity))
     along = velocity / speed if speed > 0.0 else np.array([1.0, 0.0, 0.0])
@@ -411,7 +409,7 @@ def _profiled(
     r"""Return the factor on the deviations, 1 or more, and a lower minimum if there is one.
 
     The sum of squares over :math:`\sigma^2` exceeds its minimum by :math:`k^2` at k deviations of
-    an unknown, with all others at their best, if it is quadratic. Where it is not, the deviation is
+    an unknown, with all others at their best, if it is quadratic. If it is not, the deviation is
     half the distance at which the excess is 4 (the profile likelihood), or more.
     """
     spread = result.noise * result.widening

@@ -60,22 +60,19 @@ class InferredImpact(ReprMixin):
     """An impact that is inferred from the measured motion of the ball before and after it.
 
     Attributes:
-        posture: posture of the leg; the leg takes the impulse at its contact point.
+        posture: posture of the leg, which takes the impulse at its contact point.
         v_before: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: the ball.
-        ball_before: state of the ball just before.
-        ball_after: state of the ball just after.
+        ball_before, ball_after: states of the ball just before and just after.
         impulse: impulse on the ball, shape `(3,)` [N s, world frame].
-        normal: unit vector from the contact point to the centre of the ball, shape `(3,)`
-            [world frame].
+        normal: unit vector from the contact point to the centre of the ball, shape `(3,)` [world
+            frame].
         residual: the part of the ball's change of angular momentum along the impulse, which no
             impulse at one point explains, relative to radius times impulse; 0 or more.
         deviations: standard deviations of `restitution`, `friction`, `normal` (an angle [rad]),
             `residual`, `effective_mass` [kg], and of the sizes `impulse` [N s], `foot_speed` and
-            `ball_speed` (after the impact) [m/s], propagated from the measured velocities; empty
-            without deviations of these.
-        joint_deviations: standard deviations of the size of the linear impulse in each joint, by
-            name [N s]; empty without deviations.
+            `ball_speed` (after the impact) [m/s]; empty if the velocities have none.
+        joint_deviations: likewise of the linear impulse in each joint, by name [N s].
         notes: quantities that the measurement does not determine.
     """
 
@@ -141,12 +138,10 @@ class InferredImpact(ReprMixin):
 
     @property
     def friction(self) -> float:
-        r"""Ratio of the impulses across the normal n and along it.
+        r"""Ratio :math:`|p - (n \cdot p)\, n| / (n \cdot p)` of the impulses across and along n.
 
-        .. math:: |p - (n \cdot p)\, n| / (n \cdot p)
-
-        It is the least coefficient of friction that allows the impulse; where the contact points
-        slid throughout, it is the coefficient.
+        It is the least coefficient of friction that allows the impulse; if the contact points slid
+        throughout, it is the coefficient.
         """
         along = float(self.normal @ self.impulse)
         return float(np.linalg.norm(self.impulse - along * self.normal)) / along
@@ -224,19 +219,17 @@ def infer_impact(
 ) -> InferredImpact:
     r"""Return the impulse of a kick, and the contact that explains it, from the ball's motion.
 
-    The impulse is :math:`p = m (v_b^+ - v_b)`; no coefficient of restitution or friction is
-    assumed. The normal is the one for which p, at one point of the ball's surface, turns the ball
-    as measured: :math:`I_b (\omega_b^+ - \omega_b) = -r\, n \times p`. The leg takes -p at the
-    contact point of the posture. Deviations are carried through by differences of one standard
-    deviation, all components independent.
+    The impulse is :math:`p = m (v_b^+ - v_b)`, and the normal the one for which p, at one point of
+    the ball's surface, turns the ball as measured, :math:`I_b (\omega_b^+ - \omega_b) = -r\, n
+    \times p`. Deviations are carried through by differences of one standard deviation, all
+    components independent.
 
     `infer_impact(motion, track)` takes posture, joint velocity and their covariance from the motion
-    of the leg just before the contact, and the velocities of the ball from quadratics through its
-    positions before and after. Positions do not show the spin, which is taken to be 0 before. The
-    coefficient of friction is taken to be uniformly distributed from 0 to 0.63, and the points of
-    contact stick where it suffices. Spin, normal, friction, restitution and effective mass are
-    those with the mean of the friction that is used, and the deviations are so large that 95 %
-    intervals include an impact without friction.
+    of the leg just before the contact, and the ball's velocities from quadratics through its
+    positions before and after. Positions do not show the spin, which is 0 before. The coefficient
+    of friction is uniformly distributed from 0 to 0.63, and the points of contact stick if it
+    suffices. What depends on it has the value for the mean of the friction that is used, with
+    deviations so large that 95 % intervals include an impact without friction.
 
     Args:
         posture: posture of the leg in the impact, whose contact point touched the ball; or the
@@ -244,15 +237,12 @@ def infer_impact(
         v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints]; with a
             motion, the `Track` of the ball, on the same clock and in the same frame.
         ball: the ball; its mass, radius and inertia count. With a motion, None is a ball of size 5.
-        ball_before: measured state just before; its position is the centre of the ball
-            [m, world frame].
+        ball_before: measured state just before; its position is the ball's centre [m, world frame].
         ball_after: measured state just after.
         velocity_deviation: standard deviation of each component of the ball's velocity [m/s]: a
             number, or shape `(2,)`, before and after.
-        spin_deviation: standard deviation of each component of its spin [rad/s]: a number, or shape
-            `(2,)`, before and after.
-        joint_deviation: standard deviation of the joint velocity, a number or shape `(nv,)`
-            [rad/s; m/s].
+        spin_deviation: likewise of its spin [rad/s].
+        joint_deviation: likewise of the joint velocity, a number or shape `(nv,)` [rad/s; m/s].
         contact: with a motion, the time of the contact [s], or time and standard deviation; None
             takes the motion's.
 
@@ -322,11 +312,11 @@ def _spins_by_friction(
 ) -> tuple[Array, float]:
     r"""Return the least, mean and largest spin by an unknown friction, and the largest friction.
 
-    With the velocity u after the impact of the ball's centre relative to the foot, that of its
-    contact point is :math:`(u + r^2 p / I)_t`, the part across the normal n. Friction is opposite
-    to it, or it is 0 where the points stick, so that n is in the plane of p and u: at an angle
-    :math:`\theta` to p, from 0 without friction to the direction of :math:`u + r^2 p / I`, where
-    the points stick. The spin is :math:`(r |p| / I) \sin\theta`, about the normal of that plane.
+    With the ball's velocity u relative to the foot after the impact, that of its contact point is
+    :math:`(u + r^2 p / I)_t`, the part across the normal n. Friction is opposite to it, or the
+    points stick: n is in the plane of p and u, at an angle :math:`\theta` to p, from 0 without
+    friction to the direction of :math:`u + r^2 p / I`. The spin is :math:`(r |p| / I) \sin\theta`,
+    about the plane's normal.
     """
     impulse = ball.mass * (v_ball_after - v_ball)
     size = float(validation.length(impulse))
@@ -483,18 +473,17 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
     r"""Return restitution over approach speed as a table, fitted to several kicks.
 
     The table is the piecewise linear function of the approach speed that is nearest to the kicks'
-    restitutions in the sense of least squares, each kick counting the same; its knots are at
-    quantiles of their speeds, from the lowest to the highest. `Contact(restitution=fit.table)`
-    takes it, unless one of its restitutions is outside 0 to 1. With n kicks, k knots and the
-    residuals :math:`\rho`, the scatter is :math:`\sqrt{\sum \rho^2 / (n - k)}`.
+    restitutions in the sense of least squares; its knots are at quantiles of their speeds, from the
+    lowest to the highest. `Contact(restitution=fit.table)` takes it, unless one of its restitutions
+    is outside 0 to 1. With n kicks, k knots and the residuals :math:`\rho`, the scatter is
+    :math:`\sqrt{\sum \rho^2 / (n - k)}`.
 
     Args:
         impacts: several kicks, by `infer_impact`.
         knots: number of rows of the table: 1 gives a constant, 2 a straight line.
 
     Raises:
-        InvalidInput: a wrong argument, fewer than `knots + 1` kicks, or speeds that are too much
-            alike for so many knots.
+        InvalidInput: a wrong argument, fewer than `knots + 1` kicks, or speeds too much alike.
     """
     for i, impact in enumerate(impacts):
         validation.check_type(InferredImpact, **{f"impact {i}": impact})

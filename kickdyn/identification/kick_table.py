@@ -16,11 +16,10 @@ def kick_table(kicks: Mapping[str, InferredImpact], *, latex: bool = False) -> A
     r"""Return measured kicks as a table, a pandas `DataFrame`, with their standard deviations.
 
     Each row is a quantity with its unit. Each kick has two columns: its name, and its name with
-    `+-` for the standard deviations, NaN where none is known. `table.to_csv(file)` writes it.
+    `+-` for the standard deviations, NaN if unknown.
 
     Args:
-        kicks: impacts of the same leg, or of legs with joints of the same names, by name of the
-            kick.
+        kicks: impacts of legs with joints of the same names, by name of the kick.
         latex: whether to return the text of a LaTeX table instead, for the package booktabs, with
             entries such as :math:`0.648 \pm 0.008`.
 

@@ -171,14 +171,13 @@ LARGEST_TILT = 60.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactMotion(ReprMixin):
-    """The motion of a leg at one time, from the frames before it, with its covariance.
+    """Posture and velocity of a leg just before a contact, with their covariance.
 
     Attributes:
         moment: time of the contact and its standard deviation, `(time, deviation)` [s].
-        posture: posture of the leg.
-        v: joint velocity, shape `(nv,)` [rad/s; m/s].
-        covariance: of q, in its tangent space, and v together, shape `(2 nv, 2 nv)`. The deviation
-            of the time is in it, times v and the acceleration.
+        posture: the posture.
+        v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        covariance: of q, in its tangent space, and v, shape `(2 nv, 2 nv)`, the moment's included.
     """
 
     moment: Moment
@@ -218,10 +217,9 @@ class LegMotion(ReprMixin):
         leg: the leg, with segments as long as the person's.
         times: times of the frames that count, shape `(n,)` [s].
         configurations: configuration of each of these frames alone, shape `(n, nq)` [rad; m]; what
-            the markers of a frame do not determine is as in the frame before.
+            a frame's markers do not determine is as in the frame before.
         information: information matrix of each, in the tangent space, shape `(n, nv, nv)`.
-        contact: time of the impact, across which nothing is smoothed, and its standard deviation,
-            `(time, deviation)` [s]; None without one.
+        contact: time of the impact and its standard deviation, `(time, deviation)` [s], or None.
         noise: standard deviation of a coordinate of a marker [m], from the residuals.
         residuals: root mean square distance of each marker from the leg's [m], by name.
         scales: length of each segment over the length in the leg that was given, by joint.
@@ -324,14 +322,8 @@ class LegMotion(ReprMixin):
     def plot(self, joints: Sequence[str] | None = None) -> Any:
         """Return a matplotlib Figure of joint angles and speeds, one journal column wide.
 
-        It shows the last 0.15 s before the contact and 0.05 s after it, or the whole motion if
-        there is no contact, with bands of 95 % (1.96 standard deviations).
-
-        Args:
-            joints: names of joints of one angle each; None draws all of these.
-
-        Raises:
-            InvalidInput: an unknown joint.
+        It shows 0.15 s before the contact and 0.05 s after it, or the whole motion without a
+        contact, with bands of 95 %. `joints` are names of joints of one angle each; None draws all.
         """
         from matplotlib.figure import Figure
 

@@ -146,9 +146,8 @@ def segments(
         air: the air, whose drag is not counted as rolling deceleration; None is `Air()`.
 
     Raises:
-        InvalidInput: fewer than 5 samples, samples a second or more apart, a track under the
-            ground, or one whose ball falls as if the positions were not in metres; or a wrong
-            argument.
+        InvalidInput: few samples, or a second or more apart, a track under the ground or not in
+            metres.
     """
     ball, air = Ball() if ball is None else ball, Air() if air is None else air
     level = ground.height if ground is not None else 0.0

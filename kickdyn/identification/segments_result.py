@@ -158,8 +158,7 @@ class Segments(Printed):
         A lower bound of friction has no deviation: with it, the ball grips in all measured bounces.
 
         Raises:
-            InvalidInput: the track has no bounce or no rolling segment, or a median is no
-                coefficient, such as a rolling deceleration below 0.
+            InvalidInput: the track has no bounce or no rolling segment, or the ball speeds up.
         """
         rolling = self.rolling_deceleration
         if rolling is not None and rolling.median < 0.0:

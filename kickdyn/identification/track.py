@@ -230,10 +230,9 @@ class Track(ValueEquality, ReprMixin):
     @classmethod
     @validation.check_arguments
     def from_c3d(cls, file: str | PathLike[str], marker: str | None = None) -> "Track":
-        """Read a track from a C3D file of a motion capture system.
+        """Read a track from a C3D file of a motion capture system, in metres by its unit.
 
-        Needs ezc3d, `pip install "kickdyn[c3d]"`. Frames in which the marker was not seen are gaps
-        and are left out. Positions are converted to metres by the unit that the file names.
+        Needs ezc3d, `pip install "kickdyn[c3d]"`. Frames without the marker are left out.
 
         Args:
             file: the file, up to 64 MB, with its z axis up.
@@ -241,8 +240,7 @@ class Track(ValueEquality, ReprMixin):
                 the only one of the file.
 
         Raises:
-            FaultyFile: the file cannot be read, does not have the marker, or does not name its
-                unit or its rate.
+            FaultyFile: the file cannot be read, or lacks the marker, its unit or its rate.
             InvalidInput: the package ezc3d is not installed.
         """
         source = str(file)

@@ -147,7 +147,10 @@ def robots_folder() -> Path:
 
 def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:
     """Return the file of a robot of robot_descriptions, downloaded at first, and mesh folders."""
-    available = _description_names()
+    try:
+        from robot_descriptions import DESCRIPTIONS as available
+    except ImportError:
+        available = {}
     if name not in available:
         matches = get_close_matches(str(name)[:200], [*ROBOTS, *available], 1)
         hint = f"did you mean {matches[0]!r}? " if matches else ""
@@ -175,15 +178,6 @@ def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:
         )
     package, repository = Path(module.PACKAGE_PATH), Path(module.REPOSITORY_PATH)
     return Path(path), (package, repository, package.parent)
-
-
-def _description_names() -> list[str]:
-    """Return the names of robot_descriptions; none if it is not installed."""
-    try:
-        from robot_descriptions import DESCRIPTIONS
-    except ImportError:
-        return []
-    return list(DESCRIPTIONS)
 
 
 def _reason(error: Exception) -> str:

@@ -126,10 +126,16 @@ def ball_proximity(body: Body, centre: Array, radius: float) -> Proximity:
     """Return depth, point and normal of a body in a ball at a place, all in the body's frame."""
     import coal
 
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
     pose = coal.Transform3s(body.pose.rotation, body.pose.translation)
-    ball = coal.Sphere(radius), coal.Transform3s(np.eye(3), centre)
-    coal.distance(body.shape, pose, *ball, request, result)
+    return _proximity(body.shape, pose, coal.Sphere(radius), coal.Transform3s(np.eye(3), centre))
+
+
+def _proximity(shape: Any, pose: Any, other: Any, other_pose: Any) -> Proximity:
+    """Return the depth of a shape of coal in another, its point there, and the normal."""
+    import coal
+
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    coal.distance(shape, pose, other, other_pose, request, result)
     return Proximity(-result.min_distance, result.getNearestPoint1(), result.normal)
 
 
@@ -137,9 +143,7 @@ class Placed:
     """The bodies of a leg at q; `frames` are numbers in the model, of the leg or a part of it."""
 
     def __init__(self, leg: Leg, frames: Mapping[str, int], model: Any, data: Any, q: Array):
-        import coal
-
-        self._coal, self._leg, self._placed = coal, leg, dict[int, tuple[Body, Any]]()
+        self._leg, self._placed = leg, dict[int, tuple[Body, Any]]()
         pin.forwardKinematics(model, data, q)
         pin.updateFramePlacements(model, data)
         self.poses = {name: data.oMf[number].copy() for name, number in frames.items()}
@@ -171,21 +175,20 @@ class Placed:
     def place_ball(self, centre: Array, radius: float) -> Body:
         """Return a ball as a body of the frame `BALL`, which moves there [m, world frame]."""
         self.poses[BALL] = pin.SE3(np.eye(3), centre)
-        return Body(BALL, self._coal.Sphere(radius), pin.SE3.Identity(), radius)
+        return body_of(BALL, Spheres(np.zeros((1, 3)), np.array([radius])))
 
     def _place(self, body: Body) -> Any:
         """Return a body's pose in the world, of coal: it is asked for with many other bodies."""
         if id(body) not in self._placed:
+            import coal
+
             pose = self.poses[body.frame] * body.pose
-            self._placed[id(body)] = body, self._coal.Transform3s(pose.rotation, pose.translation)
+            self._placed[id(body)] = body, coal.Transform3s(pose.rotation, pose.translation)
         return self._placed[id(body)][1]
 
     def proximity(self, body: Body, other: Body) -> Proximity:
         """Return depth, point and normal of a body in another [m, world frame]."""
-        request, result = self._coal.DistanceRequest(), self._coal.DistanceResult()
-        places = self._place(body), self._place(other)
-        self._coal.distance(body.shape, places[0], other.shape, places[1], request, result)
-        return Proximity(-result.min_distance, result.getNearestPoint1(), result.normal)
+        return _proximity(body.shape, self._place(body), other.shape, self._place(other))
 
     def find_overlaps(self, pairs: Iterable[tuple[Body, Body]]) -> dict[tuple[str, str], float]:
         """Return the depths of bodies inside each other [m], by frames, the deepest first."""
@@ -284,12 +287,10 @@ def find_forks(leg: Leg) -> set[frozenset[str]]:
 
 def _includes(bodies: Sequence[Body], point: Array) -> bool:
     """Return whether a sphere around bodies of a frame includes a point, in the frame's axes."""
-    if not bodies:
-        return False
-    places = np.array([body.pose.translation for body in bodies])
-    centre = places.mean(axis=0)
+    places = np.array([body.pose.translation for body in bodies]).reshape(-1, 3)
+    centre = places.sum(axis=0) / max(len(places), 1)
     reach = np.linalg.norm(places - centre, axis=1) + [body.reach for body in bodies]
-    return bool(np.linalg.norm(point - centre) < reach.max())
+    return bool(np.linalg.norm(point - centre) < reach.max(initial=0.0))
 
 
 def disabled_pairs(leg: Leg) -> set[frozenset[str]]:

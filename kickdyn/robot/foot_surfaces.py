@@ -137,8 +137,6 @@ def _foot_hull(leg: Leg) -> ConvexHull:
 
 def _with_doubt(leg: Leg) -> Leg:
     """Return the leg with a warning if its foot is longer across than along x."""
-    if leg.file is None:
-        return leg
     hull = _foot_hull(leg)
     along, across = (hull.max_bound - hull.min_bound)[:2]
     if across <= LONGER * along:
@@ -147,7 +145,7 @@ def _with_doubt(leg: Leg) -> Leg:
         f"the foot is {along:.3g} m long along x and {across:.3g} m along y: a robot that faces y "
         "or -y is turned by facing='y' or '-y' (--facing)"
     )
-    return replace(leg, file=replace(leg.file, warnings=(*leg.file.warnings, line)))
+    return leg.with_warnings(line)
 
 
 def _contact_point(hull: ConvexHull, normals: Array) -> Array:

@@ -48,18 +48,11 @@ def muscle_share_slope(u: Any) -> Any:
     return -(1.0 + 1.0 / HILL) / (1.0 + u / HILL) ** 2
 
 
-class Side(StrEnum):
-    """Side of the kicking leg."""
+Side = StrEnum("Side", {"LEFT": "left", "RIGHT": "right"})
+"""Side of the kicking leg."""
 
-    LEFT = "left"
-    RIGHT = "right"
-
-
-class HumanModel(StrEnum):
-    """Joints of a human leg: as in the paper, in one plane, or six in space."""
-
-    PAPER = "paper"
-    SPATIAL = "3d"
+HumanModel = StrEnum("HumanModel", {"PAPER": "paper", "SPATIAL": "3d"})
+"""Joints of a human leg: as in the paper, in one plane, or six in space."""
 
 
 class Person(NamedTuple):

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput, MjcfError
+from kickdyn.errors import MjcfError
 from kickdyn.robot.names import name_fault
 from kickdyn.robot.robot_file import (
     MAX_DEPTH,
@@ -27,6 +27,7 @@ from kickdyn.robot.robot_file import (
     Visual,
     list_folders,
     read_xml,
+    robot_path,
 )
 from kickdyn.robot.urdf_file import MAX_MOVING_JOINTS
 
@@ -201,10 +202,7 @@ def read_mjcf(
 
     Raises `MjcfError` with the first fault of the file, or `InvalidInput` if `path` is no path.
     """
-    try:
-        file, source = Path(path), str(path)
-    except TypeError:
-        raise InvalidInput(f"MJCF path is {path!r}: it must be a str or a Path") from None
+    file, source = robot_path("MJCF", path), str(path)
     try:
         return _checked_file(file, source, list_folders(package_dirs))
     except MjcfError:

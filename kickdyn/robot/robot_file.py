@@ -48,6 +48,14 @@ MAX_MESH = 100_000_000
 """Size of the largest mesh that is read [bytes]: an STL file of two million triangles."""
 
 
+def robot_path(kind: str, path: object) -> Path:
+    """Return the path of a robot's file; raise `InvalidInput` if it is none."""
+    try:
+        return Path(path)  # type: ignore[arg-type]
+    except TypeError:
+        raise InvalidInput(f"{kind} path is {path!r}: it must be a str or a Path") from None
+
+
 def read_xml(
     path: str | os.PathLike[str], source: str, error: type[FaultyFile] = FaultyFile
 ) -> Element:
@@ -290,11 +298,11 @@ class RobotFile:
     lacks_drives: bool = False
 
     def visuals(self) -> list[Visual]:
-        """Return the shapes that the file describes; raise `InvalidInput` if unreadable."""
+        """Return the shapes that the file draws; raise `InvalidInput` if unreadable."""
         return []
 
     def collisions(self) -> list[Visual]:
-        """Return the shapes that the file has for contacts; raise `InvalidInput` as `visuals`."""
+        """Return the shapes that the file has for contacts, likewise."""
         return []
 
     @cached_property

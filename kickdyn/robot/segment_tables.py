@@ -18,7 +18,6 @@ densities, from 95 lengths and girths of one person.
 """
 
 from enum import StrEnum
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,64 +58,30 @@ class Segment(NamedTuple):
     gyration: Array
 
 
-class DeLevaRow(NamedTuple):
-    """A row of de Leva's Table 4.
-
-    Attributes:
-        mass: share of the mass of the body.
-        length: from the proximal to the distal end, of the foot from the heel to the tip [m].
-        centre: centre of mass, from the proximal end (of the foot the heel, of the pelvis the
-            navel), over the length.
-        sagittal, transverse, longitudinal: radii of gyration about axes through the centre, over
-            the length: forward, sideways and along the segment. The sagittal axis of the foot,
-            whose longitudinal one points forward, points up.
-    """
-
-    mass: float
-    length: float
-    centre: float
-    sagittal: float
-    transverse: float
-    longitudinal: float
-
-
-class DumasRow(NamedTuple):
-    """A row of Dumas' Table 2, with x forward, y up and z to the right.
-
-    Attributes:
-        mass: share of the mass of the body.
-        length: distance between the joints, of the foot from the ankle to the middle between the
-            first and fifth metatarsal heads [m].
-        centre: of mass, from the upper joint, over the length.
-        radii: roots of the elements xx, yy, zz, xy, xz, yz of the inertia tensor over mass and
-            squared length, in percent; a minus is the sign of the element, printed as an
-            imaginary root.
-    """
-
-    mass: float
-    length: float
-    centre: tuple[float, float, float]
-    radii: tuple[float, float, float, float, float, float]
-
-
 DE_LEVA_HEIGHT = {Sex.MALE: 1.741, Sex.FEMALE: 1.735}
 """Height of the mean person [m]."""
 
 DE_LEVA = {
     Sex.MALE: {
-        "thigh": DeLevaRow(0.1416, 0.4222, 0.4095, 0.329, 0.329, 0.149),
-        "shank": DeLevaRow(0.0433, 0.4403, 0.4395, 0.251, 0.246, 0.102),
-        "foot": DeLevaRow(0.0137, 0.2581, 0.4415, 0.257, 0.245, 0.124),
-        "base": DeLevaRow(0.1117, 0.1457, 0.6115, 0.615, 0.551, 0.587),
+        "thigh": (0.1416, 0.4222, 0.4095, 0.329, 0.329, 0.149),
+        "shank": (0.0433, 0.4403, 0.4395, 0.251, 0.246, 0.102),
+        "foot": (0.0137, 0.2581, 0.4415, 0.257, 0.245, 0.124),
+        "base": (0.1117, 0.1457, 0.6115, 0.615, 0.551, 0.587),
     },
     Sex.FEMALE: {
-        "thigh": DeLevaRow(0.1478, 0.3685, 0.3612, 0.369, 0.364, 0.162),
-        "shank": DeLevaRow(0.0481, 0.4386, 0.4352, 0.267, 0.263, 0.092),
-        "foot": DeLevaRow(0.0129, 0.2283, 0.4014, 0.299, 0.279, 0.139),
-        "base": DeLevaRow(0.1247, 0.1815, 0.4920, 0.433, 0.402, 0.444),
+        "thigh": (0.1478, 0.3685, 0.3612, 0.369, 0.364, 0.162),
+        "shank": (0.0481, 0.4386, 0.4352, 0.267, 0.263, 0.092),
+        "foot": (0.0129, 0.2283, 0.4014, 0.299, 0.279, 0.139),
+        "base": (0.1247, 0.1815, 0.4920, 0.433, 0.402, 0.444),
     },
 }
-"""Segments by the names of the template's links; the base is the lower trunk."""
+"""Segments by the names of the template's links; the base is the lower trunk.
+
+Columns are the share of the mass of the body; the length from the proximal to the distal end [m];
+the centre of mass from the proximal end, over the length; and radii of gyration about sagittal,
+transverse and longitudinal axes through the centre, over the length. The foot is from the heel to
+the tip of the toes, the pelvis from the navel; the sagittal axis of the foot points up.
+"""
 
 HEEL_SHARE = 0.25
 """Distance from the heel to the ankle over the length of the foot, with de Leva's segments: an
@@ -131,19 +96,26 @@ DUMAS_HEIGHT = {Sex.MALE: 1.77, Sex.FEMALE: 1.61}
 
 DUMAS = {
     Sex.MALE: {
-        "thigh": DumasRow(0.123, 0.432, (-0.041, -0.429, 0.033), (29, 15, 30, 7, -2, -7)),
-        "shank": DumasRow(0.048, 0.433, (-0.048, -0.410, 0.007), (28, 10, 28, -4, -2, 5)),
-        "foot": DumasRow(0.012, 0.183, (0.382, -0.151, 0.026), (17, 37, 36, 13, -8, 0)),
-        "base": DumasRow(0.142, 0.094, (0.028, -0.280, -0.006), (101, 106, 95, -25, -12, -8)),
+        "thigh": (0.123, 0.432, (-0.041, -0.429, 0.033), (29, 15, 30, 7, -2, -7)),
+        "shank": (0.048, 0.433, (-0.048, -0.410, 0.007), (28, 10, 28, -4, -2, 5)),
+        "foot": (0.012, 0.183, (0.382, -0.151, 0.026), (17, 37, 36, 13, -8, 0)),
+        "base": (0.142, 0.094, (0.028, -0.280, -0.006), (101, 106, 95, -25, -12, -8)),
     },
     Sex.FEMALE: {
-        "thigh": DumasRow(0.146, 0.379, (-0.077, -0.377, 0.009), (31, 19, 32, 7, -2, -7)),
-        "shank": DumasRow(0.045, 0.388, (-0.049, -0.404, 0.031), (28, 10, 28, 2, 1, 6)),
-        "foot": DumasRow(0.010, 0.165, (0.270, -0.218, 0.039), (17, 36, 35, -10, 6, -4)),
-        "base": DumasRow(0.146, 0.107, (-0.009, -0.232, 0.002), (91, 100, 79, -34, -1, -1)),
+        "thigh": (0.146, 0.379, (-0.077, -0.377, 0.009), (31, 19, 32, 7, -2, -7)),
+        "shank": (0.045, 0.388, (-0.049, -0.404, 0.031), (28, 10, 28, 2, 1, 6)),
+        "foot": (0.010, 0.165, (0.270, -0.218, 0.039), (17, 36, 35, -10, 6, -4)),
+        "base": (0.146, 0.107, (-0.009, -0.232, 0.002), (91, 100, 79, -34, -1, -1)),
     },
 }
-"""Segments by the names of the template's links; the base is the pelvis, from the lumbar joint."""
+"""Segments by the names of the template's links; the base is the pelvis, from the lumbar joint.
+
+Columns are the share of the mass of the body; the distance between the joints, of the foot from the
+ankle to the middle between the first and fifth metatarsal heads [m]; the centre of mass from the
+upper joint, over the length (x forward, y up, z to the right); and roots of the elements xx, yy, zz,
+xy, xz, yz of the inertia tensor over mass and squared length, in percent. A minus is the sign of the
+element, printed as an imaginary root.
+"""
 
 DUMAS_FOOT = {Sex.MALE: (0.265, 0.436), Sex.FEMALE: (0.233, 0.443)}
 """Distance from the heel to the tip of the toes [m], and the place of the foot's centre from the
@@ -171,13 +143,7 @@ def segments(source: Any, sex: Sex, side: str, height: float) -> dict[str, Segme
     """Return the segments of a table, or of a `yeadon.Human` [m by this height], by link."""
     if all(hasattr(source, name) for name in YEADON_SEGMENTS):
         return _yeadon(source, side, height)
-    return _of_table(validation.choice("segments", source, Tables), sex)
-
-
-@cache
-def _of_table(tables: Tables, sex: Sex) -> dict[str, Segment]:
-    """Return the segments of a mean person's right leg by the names of the template's links."""
-    if tables is Tables.DUMAS:
+    if validation.choice("segments", source, Tables) is Tables.DUMAS:
         return {link: _dumas(link, row, sex) for link, row in DUMAS[sex].items()}
     return {link: _de_leva(link, row, sex) for link, row in DE_LEVA[sex].items()}
 
@@ -220,34 +186,34 @@ def _yeadon(human: Any, side: str, height: float) -> dict[str, Segment]:
     return segments
 
 
-def _de_leva(link: str, row: DeLevaRow, sex: Sex) -> Segment:
+def _de_leva(link: str, row: tuple[float, ...], sex: Sex) -> Segment:
     """Return a segment of de Leva."""
-    length = row.length / DE_LEVA_HEIGHT[sex]
-    radii = (row.sagittal, row.transverse, row.longitudinal)
+    mass, length, share, *radii = row
+    length /= DE_LEVA_HEIGHT[sex]
     along = np.array([0.0, 0.0, -length])
-    end, centre = along, row.centre * along
+    end, centre = along, share * along
     if link == "foot":
         radii = radii[::-1]
-        end, centre = (np.array([(x - HEEL_SHARE) * length, 0.0, 0.0]) for x in (1.0, row.centre))
+        end, centre = (np.array([(x - HEEL_SHARE) * length, 0.0, 0.0]) for x in (1.0, share))
     elif link == "base":
-        end, centre = np.zeros(3), np.array([0.0, HIP_OFFSET, (1.0 - row.centre) * length])
-    return Segment(row.mass, end, centre, np.diag((length * np.array(radii)) ** 2))
+        end, centre = np.zeros(3), np.array([0.0, HIP_OFFSET, (1.0 - share) * length])
+    return Segment(mass, end, centre, np.diag((length * np.array(radii)) ** 2))
 
 
-def _dumas(link: str, row: DumasRow, sex: Sex) -> Segment:
+def _dumas(link: str, row: tuple[Any, ...], sex: Sex) -> Segment:
     """Return a segment of Dumas."""
-    height = DUMAS_HEIGHT[sex]
-    centre, end = row.length * np.array(row.centre), np.array([0.0, -row.length, 0.0])
+    height, (mass, size, place, radii) = DUMAS_HEIGHT[sex], row
+    centre, end = size * np.array(place), np.array([0.0, -size, 0.0])
     if link == "foot":
         length, from_heel = DUMAS_FOOT[sex]
         end = np.array([centre[0] + (1.0 - from_heel) * length, 0.0, 0.0])
     elif link == "base":
         centre, end = centre - DUMAS_HIP[sex], np.zeros(3)
-    roots = 0.01 * row.length * np.array(row.radii, dtype=float)
+    roots = 0.01 * size * np.array(radii, dtype=float)
     xx, yy, zz, xy, xz, yz = (np.sign(roots) * roots**2).tolist()
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return Segment(
-        row.mass,
+        mass,
         DUMAS_AXES @ end / height,
         DUMAS_AXES @ centre / height,
         DUMAS_AXES @ tensor @ DUMAS_AXES.T / height**2,

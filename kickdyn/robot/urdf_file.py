@@ -32,7 +32,7 @@ from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.joint_table import Mimic
 from kickdyn.robot.model_validation import ROUNDING, second_moments
 from kickdyn.robot.names import expand_patterns, listed, name_fault
-from kickdyn.robot.robot_file import RobotFile, Shape, Visual, list_folders, read_xml
+from kickdyn.robot.robot_file import RobotFile, Shape, Visual, list_folders, read_xml, robot_path
 
 MAX_LINKS = 3000
 """Pinocchio's parser overflows the stack at about 3,800 links in a row."""
@@ -103,10 +103,7 @@ def read_urdf(
     Joints that a locked joint mimics are not checked. Raises `UrdfError` with all faults of
     `find_faults`, or `InvalidInput` if `path` is no path or there is no such folder.
     """
-    try:
-        file, source = Path(path), str(path)
-    except TypeError:
-        raise InvalidInput(f"URDF path is {path!r}: it must be a str or a Path") from None
+    file, source = robot_path("URDF", path), str(path)
     root, folders = read_xml(file, source, UrdfError), list_folders(package_dirs)
     if faults := find_faults(root, locked):
         raise UrdfError(source, faults)
@@ -262,9 +259,9 @@ def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
 
 def find_irregularities(root: Element) -> list[str]:
     """Return a line for links with impossible inertias and one for limits that are left out."""
-    impossible = [link for link in root.findall("link") if _is_impossible(link)]
+    impossible = [link.get("name", "") for link in root.findall("link") if _is_impossible(link)]
     unlimited = [
-        joint
+        joint.get("name", "")
         for joint in root.findall("joint")
         if joint.get("type") in ("revolute", "prismatic")
         and (limit := joint.find("limit")) is not None
@@ -275,11 +272,7 @@ def find_irregularities(root: Element) -> list[str]:
         "fixed to them or hangs from them": impossible,
         "joints without lower or upper limit ({}): the URDF specification says 0": unlimited,
     }
-    return [
-        line.format(listed([element.get("name", "") for element in elements], 3))
-        for line, elements in lines.items()
-        if elements
-    ]
+    return [line.format(listed(names, 3)) for line, names in lines.items() if names]
 
 
 def _is_impossible(link: Element) -> bool:
@@ -296,21 +289,19 @@ def _is_impossible(link: Element) -> bool:
 
 
 def _named(root: Element, tag: str, faults: list[str]) -> dict[str, Element]:
-    elements = root.findall(tag)
-    names = [_name(element, tag, faults) for element in elements]
-    for name, times in Counter(names).items():
-        if times > 1 and name:
+    """Return elements by name; names that are wrong or used twice are faults."""
+    elements = [(_name(element, tag, faults), element) for element in root.findall(tag)]
+    for name, times in Counter(name for name, _ in elements if name).items():
+        if times > 1:
             faults.append(f"{tag} name {name!r} is used {times} times")
-    return {name: element for name, element in zip(names, elements, strict=True) if name}
+    return {name: element for name, element in elements if name}
 
 
 def _name(element: Element, tag: str, faults: list[str]) -> str:
     name = element.get("name", "")
     fault = name_fault(f"{tag} name", name) if name.strip() else f"a {tag} has no name"
-    if not fault:
-        return name
-    faults.append(fault)
-    return ""
+    faults += filter(None, [fault])
+    return "" if fault else name
 
 
 def _check_single(where: str, element: Element, tags: tuple[str, ...], faults: list[str]) -> None:

@@ -22,7 +22,7 @@ from kickdyn.robot.constraints import (
     find_open_loops,
 )
 from kickdyn.robot.human_body import human_leg
-from kickdyn.robot.joint_space import ArticulatedBodies, JointSpace
+from kickdyn.robot.joint_space import JointSpace
 from kickdyn.robot.joint_table import DEGREES, InDegrees, look_like_degrees
 from kickdyn.robot.leg_model import Drives, LegModel, catalogued_drives
 from kickdyn.robot.mjcf_file import is_mjcf, read_mjcf
@@ -344,7 +344,7 @@ class Leg(LegModel, ReprMixin):
         # names of the arguments would take half a microsecond
         kinematics = origin, self.contact_lever, joint_rotation, jacobian
         frame = rotation, origin, frame_jacobian
-        posture = Posture(self, q, *kinematics, inertia, None, cholesky, bound, *frame)
+        posture = Posture(self, q, *kinematics, inertia, None, cholesky, *frame)
         if self._short_form is not None and look_like_degrees(self, np.asarray(given)):
             posture._doubts = (DEGREES,)  # q itself has no turns of continuous joints
         if self.constraints is not None:
@@ -445,7 +445,6 @@ class Posture(JointSpace, ReprMixin):
     inertia: Array
     constraint_projector: ConstraintProjector | None
     _cholesky: Array
-    _condition_bound: float
     _frame_rotation: Array
     _frame_origin: Array
     _frame_jacobian: Array
@@ -492,25 +491,6 @@ class Posture(JointSpace, ReprMixin):
         """A line for each open loop of the leg and for each joint outside its range."""
         outside = [*self.leg.outside_range(self.q), *self._doubts]
         return (*self.leg.open_loops, *dict.fromkeys(outside))
-
-    def delassus_factor(self) -> Array:
-        r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].
-
-        It is the whitened Jacobian, or, for an ill-conditioned leg without constraints, a factor
-        from the articulated-body algorithm.
-        """
-        if self.constraint_projector is None and self.is_ill_conditioned:
-            lever = self.contact_lever.tolist()
-            axes = self.rotation_world_joint.tolist()
-            forces = np.array([(*axis, *cross3(lever, axis)) for axis in axes])
-            return self.articulated_bodies.delassus_factor(self.leg.contact_joint, forces)
-        return super().delassus_factor()
-
-    @cached_property
-    def articulated_bodies(self) -> ArticulatedBodies:
-        """The articulated bodies of a leg without supports and loops."""
-        workspace = self.leg.workspace
-        return ArticulatedBodies(workspace.model, workspace.data, self.q)
 
     def effective_mass_limits(self, normal: ArrayLike) -> dict[str, float]:
         r"""Return the effective mass [kg] in the limits between which real drives are, by name.

@@ -301,21 +301,26 @@ def fit_motion(
     fitted, scales, at = None, {}, list(places.values())
     if scale:
         fitted = scaled_leg(leg, places, measured, frames)
-        deviation = place_deviation(fitted, measured, frames)
-        if deviation:
+        if deviation := place_deviation(fitted, measured, frames):
             fitted = scaled_leg(leg, places, measured, frames, deviation)
-            doubts.append(_moved(names, fitted.offsets))
+            distances = 1e3 * np.linalg.norm(fitted.offsets, axis=1)
+            worst = int(np.argmax(distances))
+            doubts.append(
+                "the places of the markers, or the height of the leg, do not fit: the places were "
+                f"moved by {distances.mean():.2g} mm on average, {names[worst]!r} by "
+                f"{distances[worst]:.2g} mm; constant errors of the angles are left, which the "
+                "deviations at a contact contain"
+            )
         leg, scales, at = fitted.leg, fitted.scales, fitted.places
     kinematics = MarkerKinematics(leg.workspace.model, at)
     begin = next(iter(frames.values())).q
     frames = kinematics.solve_track(measured, range(len(measured)), begin)
+    solved, gaps = list(frames.values()), track.gaps
+    configurations = np.array([frame.q for frame in solved])
+    information = np.array([frame.jacobian.T @ frame.jacobian for frame in solved])
     return _judged(LegMotion(
-        leg, track.times, *kinematics.stack(frames), moment, 0.0, {}, scales,
-        {
-            name: gap
-            for name in names
-            if (gap := track.gaps.get(track.markers[track.find_marker(name)]))
-        },
+        leg, track.times, configurations, information, moment, 0.0, {}, scales,
+        {name: gap for name in names if (gap := gaps.get(track.markers[track.find_marker(name)]))},
         tuple(k for k in range(len(measured)) if k not in frames or not frames[k].complete),
         tuple(doubts), tuple(frames), fitted,
     ), places, measured, frames)  # fmt: skip
@@ -370,17 +375,6 @@ def _from_angles(
         tuple(np.flatnonzero(~known_frames).tolist()), notes,
         tuple(np.flatnonzero(known_frames).tolist()),
     )  # fmt: skip
-
-
-def _moved(names: list[str], offsets: Array) -> str:
-    """Return the line about places of markers that are estimated."""
-    distances = 1e3 * np.linalg.norm(offsets, axis=1)
-    worst = int(np.argmax(distances))
-    return (
-        "the places of the markers, or the height of the leg, do not fit: the places were moved by "
-        f"{distances.mean():.2g} mm on average, {names[worst]!r} by {distances[worst]:.2g} mm; "
-        "constant errors of the angles are left, which the deviations at a contact contain"
-    )
 
 
 def _check_angle(track: BodyTrack, name: str) -> None:
@@ -440,7 +434,9 @@ def _judged(
         frame_number, worst = np.unravel_index(int(np.nanargmax(distances)), distances.shape)
         name = names[int(worst)]
         doubts = "".join(f"; {line}" for line in motion.notes if repr(name) in line)
-        up = _upward(motion.leg, places, measured)
+        model, means = motion.leg.workspace.model, np.nanmean(measured, axis=0)
+        joints = np.array([model.frames[frame].parentJoint for frame, _ in places.values()])
+        up = means[joints == joints.min()].mean(0) - means[joints == joints.max()].mean(0)
         hint = " (y seems to point up: see `up`)" if up[1] > abs(up[2]) else ""
         raise InvalidInput(
             f"marker {name!r} is {largest:.3g} m "
@@ -475,11 +471,3 @@ def _jumps(names: list[str], distances: Array) -> Iterable[str]:
             + (f", and in {others} other frames" if others else "")
             + ": the first jumps, or is swapped, and distorts the velocities; NaN leaves it out"
         )
-
-
-def _upward(leg: Leg, places: Mapping[str, Marker], measured: Array) -> Array:
-    """Return the mean vector from the markers of the lowest segment to those of the uppermost."""
-    model = leg.workspace.model
-    joints = np.array([model.frames[frame].parentJoint for frame, _ in places.values()])
-    means = np.nanmean(measured, axis=0)
-    return np.asarray(means[joints == joints.min()].mean(0) - means[joints == joints.max()].mean(0))

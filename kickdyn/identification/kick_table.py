@@ -8,6 +8,7 @@ import numpy as np
 
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
+from kickdyn.identification.identification_result import with_deviation
 from kickdyn.identification.infer_impact import InferredImpact
 
 
@@ -74,8 +75,7 @@ def _entry(value: float, deviation: float) -> str:
     """Return a value with its deviation, or to four digits without one."""
     if not (math.isfinite(deviation) and deviation > 0.0):
         return f"${value:.4g}$"
-    decimals = max(1 - math.floor(math.log10(deviation)), 0)
-    return rf"${value:.{decimals}f} \pm {deviation:.{decimals}f}$"
+    return f"${with_deviation(value, deviation)}$".replace("+-", r"\pm")
 
 
 def _escaped(text: str) -> str:

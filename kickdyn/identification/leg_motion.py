@@ -327,45 +327,48 @@ class LegMotion(ReprMixin):
         """
         from matplotlib.figure import Figure
 
-        available = self.leg.single_joints
+        available, moment = self.leg.single_joints, self.contact and self.contact.time
         names = available if joints is None else list(joints)
         if not names or not set(names) <= set(available):
             raise InvalidInput(f"joints is {names}: it must name some of {', '.join(available)}")
         begin, end = self.times[[0, -1]].tolist()
-        if self.contact is not None:
-            moment = self.contact.time
+        if moment is not None:
             begin, end = moment - CONTACT_WINDOW, moment + AFTER_CONTACT
-        clipped = ((max(begin, piece.begin), min(end, piece.end)) for piece in self._pieces)
-        spans = [(a, b) for a, b in clipped if a < b]
         figure = Figure(figsize=(COLUMN_WIDTH, 4.2))
         angles, speeds = figure.subplots(2, 1, sharex=True)
-        zero, model = self.contact.time if self.contact else 0.0, self.leg.workspace.model
+        model = self.leg.workspace.model
         numbers = [model.getJointId(name) for name in names]
         places, columns = ([of[i] for i in numbers] for of in (model.idx_qs, model.idx_vs))
-        for begin, end in spans:
-            t = np.linspace(begin, end, DRAWN_TIMES)
-            q, v = (np.array([of(x) for x in t]) for of in (self.q, self.v))
-            spread = np.array([self.deviations(x) for x in t])[:, :, columns]
+        labels = [name.replace("$", r"\$") for name in names]  # "$" begins a formula
+        for piece in self._pieces:
+            first, last = max(begin, piece.begin), min(end, piece.end)
+            if first >= last:
+                continue
+            t = np.linspace(first, last, DRAWN_TIMES)
+            ms = 1e3 * (t - (moment or 0.0))
+            states = [piece.state(x) for x in t]
+            q, v = (np.array([state[k] for state in states]) for k in (0, 1))
+            variances = np.array([state[2].diagonal() for state in states])
+            sigma_q, sigma_v = np.hsplit(np.sqrt(np.maximum(variances, 0.0)), 2)
             for axes, values, sigma in (
-                (angles, np.degrees(q[:, places]), np.degrees(spread[:, 0])),
-                (speeds, v[:, columns], spread[:, 1]),
+                (angles, np.degrees(q[:, places]), np.degrees(sigma_q[:, columns])),
+                (speeds, v[:, columns], sigma_v[:, columns]),
             ):
                 axes.set_prop_cycle(None)
-                for k, name in enumerate(names):
-                    labelled = axes is angles and (begin, end) == spans[0]
-                    label = name.replace("$", r"\$") if labelled else None  # "$" begins a formula
-                    (line,) = axes.plot(1e3 * (t - zero), values[:, k], label=label, linewidth=1.2)
-                    low, high = values[:, k] - 1.96 * sigma[:, k], values[:, k] + 1.96 * sigma[:, k]
-                    axes.fill_between(
-                        1e3 * (t - zero), low, high, color=line.get_color(), alpha=0.25
+                for label, mean, wide in zip(labels, values.T, 1.96 * sigma.T, strict=True):
+                    (line,) = axes.plot(
+                        1e3 * (t - (moment or 0.0)), mean, label=label, linewidth=1.2
                     )
+                    shade = {"color": line.get_color(), "alpha": 0.25}
+                    axes.fill_between(ms, mean - wide, mean + wide, **shade)
+            labels = ["_"] * len(names)  # only the first piece has a legend
         angles.set_ylabel("angle [deg]")
         speeds.set(ylabel="speed [rad/s]", xlabel="time [ms]")
-        if self.contact is not None:
+        if moment is not None:
             speeds.set_xlabel("time from the contact [ms]")
             for axes in (angles, speeds):
                 axes.axvline(0.0, color="0.6", linewidth=1, linestyle=":")
-        figure.legend(loc="outside upper center", ncols=3)
+        figure.legend(*angles.get_legend_handles_labels(), loc="outside upper center", ncols=3)
         return figure
 
     @property
@@ -381,21 +384,21 @@ class LegMotion(ReprMixin):
                 "does not fit, or the marker is swapped with another; deviations do not contain "
                 "this"
             )
-        lines += [*self._unseen_at_contact(), *self._outside_ranges()]
+        return (*lines, *self._unseen_at_contact(), *self._outside_ranges(), *self._tilted())
+
+    def _tilted(self) -> Iterable[str]:
+        """Return a line about a pelvis that is not upright."""
         if not has_floating_base(self.leg.workspace.model):
-            return tuple(lines)
-        up = np.median(
-            [pin.XYZQUATToSE3(q[:7]).rotation[:, 2] for q in self.configurations], axis=0
-        )
+            return
+        poses = [pin.XYZQUATToSE3(q[:7]) for q in self.configurations]
+        up = np.median([pose.rotation[:, 2] for pose in poses], axis=0)
         tilt = math.degrees(math.acos(float(np.clip(up[2], -1.0, 1.0))))
-        if tilt < LARGEST_TILT:
-            return tuple(lines)
-        return (
-            *lines,
-            f"the pelvis is tilted by {tilt:.0f} deg, its upward axis is {up.round(2).tolist()} in "
-            "the track: positions must have z up; if the file has y up, read it with "
-            "up='y'",
-        )
+        if tilt >= LARGEST_TILT:
+            yield (
+                f"the pelvis is tilted by {tilt:.0f} deg, its upward axis is "
+                f"{up.round(2).tolist()} in the track: positions must have z up; if the file has "
+                "y up, read it with up='y'"
+            )
 
     def _unseen_at_contact(self) -> Iterable[str]:
         """Return a line about markers that are not seen just before the contact."""

@@ -187,13 +187,6 @@ class MarkerKinematics:
         candidates = [f for f in solved if f.missed @ f.missed <= 1.001 * least + 1e-12]
         return min(candidates, key=lambda f: float(np.abs(f.q - self._inside(f.q)).sum()))
 
-    def stack(self, frames: Mapping[int, SolvedFrame]) -> tuple[Array, Array]:
-        """Return configurations and Gram matrices of frames."""
-        return (
-            np.array([frame.q for frame in frames.values()]),
-            np.array([frame.jacobian.T @ frame.jacobian for frame in frames.values()]),
-        )
-
 
 class FittedLeg(NamedTuple):
     """A leg that is fitted to markers.

@@ -148,7 +148,7 @@ def robots_folder() -> Path:
 def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:
     """Return the file of a robot of robot_descriptions, downloaded at first, and mesh folders."""
     try:
-        from robot_descriptions import DESCRIPTIONS as available
+        available = import_module("robot_descriptions").DESCRIPTIONS
     except ImportError:
         available = {}
     if name not in available:

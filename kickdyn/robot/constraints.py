@@ -131,6 +131,7 @@ class Constraints:
         stiff_joints: indices in v of the stiff joints.
         sizes: number of rows of each, in this order; 1 for a mimic joint or a stiff joint.
         starts: first row of each, and the number of all rows, `size`, at the end.
+        loop_rows, gear_rows, stiff_rows: rows of loops, mimic joints and stiff joints in A.
         names: what each of them is called in messages.
 
     Raises:
@@ -159,13 +160,16 @@ class Constraints:
         self._ends = [*((None, place) for place in supported), *self._looped]
         for support, place in zip(supports, supported, strict=True):
             _check_stance(model, support.frame, place.joint, contact_joint)
-        for (a, b), (first, second) in zip(loops, self._looped, strict=True):
-            if first.joint == second.joint:
+        for (a, b), (start, end) in zip(loops, self._looped, strict=True):
+            if start.joint == end.joint:
                 raise InvalidInput(f"loop {a} - {b} joins a body to itself: name two bodies")
         self.sizes = [support.size for support in supports] + [3] * len(loops)
         self.sizes += [1] * (len(gears.mimics) + len(stiff_joints))
         self.starts = [0, *accumulate(self.sizes)]
         self.size = self.starts[-1]
+        first, last = self.starts[len(named)], self.size - len(stiff_joints)
+        self.loop_rows = slice(self.starts[len(supports)], first)
+        self.gear_rows, self.stiff_rows = slice(first, last), slice(last, self.size)
         self.names = [s.frame for s in supports] + [f"{a} - {b}" for a, b in loops]
         self.names += [f"{mimic.joint}, which mimics {mimic.driver}" for mimic in gears.mimics]
         self.names += [f"{joint}, which is stiff" for joint in stiff_joints]
@@ -198,22 +202,6 @@ class Constraints:
             matrix[self.stiff_rows] = 0.0
             matrix[range(self.stiff_rows.start, self.size), self.stiff_joints] = 1.0
         return matrix, blocks
-
-    @property
-    def loop_rows(self) -> slice:
-        """The rows of the loops in A."""
-        start = sum(support.size for support in self.supports)
-        return slice(start, start + 3 * len(self.loops))
-
-    @property
-    def stiff_rows(self) -> slice:
-        """The rows of the stiff joints in A, the last ones."""
-        return slice(self.size - len(self.stiff_joints), self.size)
-
-    @property
-    def gear_rows(self) -> slice:
-        """The rows of the mimic joints in A, before those of the stiff joints."""
-        return slice(self.loop_rows.stop, self.stiff_rows.start)
 
     def bias(self, model: Any, data: Any, q: Array, v: Array) -> Array:
         r"""Return :math:`\dot A v`, shape `(size,)` [m/s2, rad/s2]; it runs the kinematics."""

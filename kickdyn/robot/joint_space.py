@@ -10,7 +10,7 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike, protect
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import ConstraintProjector
-from kickdyn.robot.model_validation import condition, rounding_gain
+from kickdyn.robot.model_validation import condition
 
 
 class JointSpace:
@@ -61,19 +61,25 @@ class JointSpace:
         columns, projector = self._whiten(rows), self.constraint_projector
         return columns if projector is None else projector.project(columns)
 
-    def delassus_factor(self) -> Array:
-        r"""Return F with :math:`F F^T = J M^{-1} J^T`, the whitened Jacobian, shape `(3, n)`."""
-        return self.whitened_jacobian
-
     def delassus(self) -> Array:
         r"""Return :math:`J M^{-1} J^T` at the contact point, shape `(3, 3)` [1/kg, world frame]."""
-        factor = self.delassus_factor()
+        factor = self.whitened_jacobian
         return np.asarray(factor.dot(factor.T))
 
     @cached_property
     def rounding_gain(self) -> float:
-        """Factor by which the relative rounding of M can grow in `delassus`; about 1 as a rule."""
-        return rounding_gain(self.inertia, self._cholesky, self.whitened_jacobian.T)
+        r"""Factor by which the relative rounding of M can grow in `delassus`; about 1 as a rule.
+
+        An error of M by e of its diagonal, E, changes the inverse mass along an axis by
+        :math:`x^T E x` with :math:`x = M^{-1} J^T`: at most
+        :math:`e\,(\sum_i \sqrt{M_{ii}}\,|x_i|)^2`.
+        """
+        whitened = self.whitened_jacobian.T
+        x = blas.dtrsm(1.0, self._cholesky, whitened, lower=1, trans_a=1)
+        sums = np.sqrt(self.inertia.diagonal()).dot(abs(x)).tolist()
+        squares = (whitened * whitened).sum(axis=0).tolist()
+        shares = [a * a / b for a, b in zip(sums, squares, strict=True) if b]
+        return max(shares, default=1.0)
 
     def effective_mass(self, normal: ArrayLike) -> float:
         r"""Return :math:`1 / (n^T J M^{-1} J^T n)` [kg]; inf if the leg cannot move along n.
@@ -83,7 +89,7 @@ class JointSpace:
         Args:
             normal: direction n, shape `(3,)` of any length but zero [world frame].
         """
-        row = validation.direction("normal", normal).dot(self.delassus_factor())
+        row = validation.direction("normal", normal).dot(self.whitened_jacobian)
         inverse = float(row.dot(row))
         return 1.0 / inverse if inverse else math.inf
 

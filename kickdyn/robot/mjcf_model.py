@@ -55,21 +55,16 @@ def build_mjcf_model(
     moving = (body for body in bodies if body not in robot_bodies and compiled.body_weldid[body])
     left_out = listed([body_name(compiled, body) for body in moving], 5)
     warning = f"bodies attached to another root are left out: {left_out}"
+    passive = set[int]()
+    if compiled.nu and np.isin(compiled.actuator_trntype, ACTUATED_JOINTS).all():
+        passive = set(range(compiled.njnt)).difference(compiled.actuator_trnid[:, 0].tolist())
     read = replace(
         file,
         mimics=tuple(builder.mimics),
         warnings=(warning,) if left_out else (),
-        passive_joints=_find_passive_joints(compiled),
+        passive_joints=tuple(compiled.joint(joint).name for joint in sorted(passive)),
     )
     return read, builder.model, builder.loops
-
-
-def _find_passive_joints(compiled: Any) -> tuple[str, ...]:
-    """Return the joints without an actuator; none where there are no actuators, or other kinds."""
-    if not compiled.nu or not np.isin(compiled.actuator_trntype, ACTUATED_JOINTS).all():
-        return ()
-    passive = set(range(compiled.njnt)).difference(compiled.actuator_trnid[:, 0].tolist())
-    return tuple(compiled.joint(joint).name for joint in sorted(passive))
 
 
 class _Builder:

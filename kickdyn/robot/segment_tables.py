@@ -110,11 +110,11 @@ DUMAS = {
 }
 """Segments by the names of the template's links; the base is the pelvis, from the lumbar joint.
 
-Columns are the share of the mass of the body; the distance between the joints, of the foot from the
-ankle to the middle between the first and fifth metatarsal heads [m]; the centre of mass from the
-upper joint, over the length (x forward, y up, z to the right); and roots of the elements xx, yy, zz,
-xy, xz, yz of the inertia tensor over mass and squared length, in percent. A minus is the sign of the
-element, printed as an imaginary root.
+Columns are the share of the mass of the body; the distance between the joints, of the foot from
+the ankle to the middle between the first and fifth metatarsal heads [m]; the centre of mass from
+the upper joint, over the length (x forward, y up, z to the right); and roots of the elements xx,
+yy, zz, xy, xz, yz of the inertia tensor over mass and squared length, in percent. A minus is the
+sign of the element, printed as an imaginary root.
 """
 
 DUMAS_FOOT = {Sex.MALE: (0.265, 0.436), Sex.FEMALE: (0.233, 0.443)}

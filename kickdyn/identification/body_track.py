@@ -313,13 +313,7 @@ def _split(line: str) -> list[str]:
 
 
 def _table(
-    source: str,
-    lines: list[str],
-    begin: int,
-    width: int,
-    time: int,
-    *,
-    is_ragged: bool = False,
+    source: str, lines: list[str], begin: int, width: int, time: int, *, is_ragged: bool = False
 ) -> Array:
     """Return the numbers of lines of text, shape `(n, width)`; empty cells are NaN.
 

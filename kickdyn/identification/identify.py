@@ -34,12 +34,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import INCREMENT, fly_with_slopes
 from kickdyn.identification.identification_result import UNITS, Identification, covariance
-from kickdyn.identification.track import (
-    Track,
-    check_samples,
-    mean_acceleration,
-    refuse_units,
-)
+from kickdyn.identification.track import Track, check_samples, mean_acceleration, refuse_units
 from kickdyn.planning.problem import keep_last
 
 LONGEST_FLIGHT = 30.0
@@ -111,11 +106,7 @@ Evaluation = tuple[Array, Array]
 
 @validation.check_arguments
 def identify(
-    track: Track,
-    ball: Ball,
-    air: Air | None = None,
-    *,
-    free: Iterable[str] = ("spin", "drag"),
+    track: Track, ball: Ball, air: Air | None = None, *, free: Iterable[str] = ("spin", "drag")
 ) -> Identification:
     """Return the flight that best fits measured positions, with standard deviations.
 

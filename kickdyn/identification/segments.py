@@ -35,12 +35,7 @@ from kickdyn.identification.segments_result import (
     SegmentKind,
     Segments,
 )
-from kickdyn.identification.track import (
-    Track,
-    check_samples,
-    doubts_of_track,
-    refuse_units,
-)
+from kickdyn.identification.track import Track, check_samples, doubts_of_track, refuse_units
 
 LONGEST_CUBIC = 1.0
 """Longest time that one cubic is fitted to [s]; longer flights are joined afterwards."""
@@ -132,10 +127,7 @@ class _Piece(NamedTuple):
 
 @validation.check_arguments
 def segments(
-    track: Track,
-    ball: Ball | None = None,
-    ground: Ground | None = None,
-    air: Air | None = None,
+    track: Track, ball: Ball | None = None, ground: Ground | None = None, air: Air | None = None
 ) -> Segments:
     """Return the flights, rolls and rests of a track, with the reason for each cut.
 

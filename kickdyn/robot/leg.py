@@ -17,10 +17,7 @@ from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, ArrayLike, protect, read_only
 from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.catalog import ROBOTS, TOE, find_description, read_robot
-from kickdyn.robot.constraints import (
-    ConstraintProjector,
-    find_open_loops,
-)
+from kickdyn.robot.constraints import ConstraintProjector, find_open_loops
 from kickdyn.robot.human_body import human_leg
 from kickdyn.robot.joint_space import JointSpace
 from kickdyn.robot.joint_table import DEGREES, InDegrees, look_like_degrees
@@ -32,7 +29,6 @@ from kickdyn.robot.model_validation import (
     check_is_model,
     check_model,
     cholesky_with_condition,
-    condition,
     facing_doubts,
     singularity_fault,
 )
@@ -93,7 +89,7 @@ class Leg(LegModel, ReprMixin):
         """Return a human leg; without arguments, the leg of the paper's Table 1.
 
         Segments of a person of a given size are from published tables, torques from Anderson et
-        al. 2007 (J Biomech 40:3105); `kickdyn.robot.segment_tables` and `human_body` have the
+        al. 2007 (J Biomech 40:3105); `kickdyn.robot.human_body` and `human_body` have the
         numbers. The last three joints of the model `3d` below have no limits of torque and speed.
 
         Args:
@@ -332,12 +328,6 @@ class Leg(LegModel, ReprMixin):
         frame_jacobian: Array = pin.computeFrameJacobian(model, data, q, self.frame_id, pin.LOCAL)
         frame_jacobian = frame_jacobian.reshape(6, -1)
         cholesky, bound = cholesky_with_condition(inertia)
-        if not bound < MAX_CONDITION:
-            exact = condition(inertia, cholesky)
-            if not exact < MAX_CONDITION:
-                fault = singularity_fault(model, inertia, exact)
-                where = f"q = {q.tolist()}" if self.nq <= MAX_SHOWN_JOINTS else "this posture"
-                raise InvalidInput(f"the joint-space inertia of {self.name} at {where} {fault}")
         jacobian: Array = rotation.dot(frame_jacobian[:3])
         joint_rotation = workspace.placements[self.contact_joint].rotation.copy()
         protect(q, inertia, origin, jacobian, joint_rotation)
@@ -345,6 +335,10 @@ class Leg(LegModel, ReprMixin):
         kinematics = origin, self.contact_lever, joint_rotation, jacobian
         frame = rotation, origin, frame_jacobian
         posture = Posture(self, q, *kinematics, inertia, None, cholesky, *frame)
+        if not bound < MAX_CONDITION and not posture.condition < MAX_CONDITION:
+            fault = singularity_fault(model, inertia, posture.condition)
+            where = f"q = {q.tolist()}" if self.nq <= MAX_SHOWN_JOINTS else "this posture"
+            raise InvalidInput(f"the joint-space inertia of {self.name} at {where} {fault}")
         if self._short_form is not None and look_like_degrees(self, np.asarray(given)):
             posture._doubts = (DEGREES,)  # q itself has no turns of continuous joints
         if self.constraints is not None:

@@ -191,19 +191,6 @@ def cholesky_with_condition(inertia: Array) -> tuple[Array, float]:
     return factor, len(inertia) ** 2 / float(reciprocal) if reciprocal else math.inf
 
 
-def condition(inertia: Array, factor: Array) -> float:
-    """Return the condition of M scaled to unit diagonal; inf if it is not positive definite.
-
-    Neither a light toe on a heavy leg nor metres beside radians cost the Cholesky factor digits.
-    """
-    if not all(root > 0.0 for root in factor.diagonal().tolist()):
-        return math.inf
-    scale = 1.0 / np.sqrt(inertia.diagonal())
-    scaled, root = inertia * scale * scale[:, None], factor * scale[:, None]
-    reciprocal, _ = lapack.dpocon(root, lapack.dlange("1", scaled), uplo="L")
-    return 1.0 / float(reciprocal) if reciprocal else math.inf
-
-
 def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
     """Return the fault of a singular joint-space inertia, with the joints that cause it."""
     fault = (

@@ -11,13 +11,13 @@ the mean person of each sex, which are taken as proportional to the height.
 
 - **de Leva** 1996 (J Biomech 29:1223, Table 4): college-aged adults, segments between joint
   centres, principal radii of gyration. The foot lies along x from the heel to the tip of the toes.
-- **Dumas**, Chèze & Verriest 2007 (J Biomech 40:543, Table 2, with its corrigendum 40:1651): adults
-  of 31 and 28 years, whole inertia tensors in axes of the joints, centres beside the line between
-  joints. The numbers are from two independent transcriptions, in Kinetics Toolkit
-  (`dumas_2007.csv`) and in a program for multibody dynamics, which agree except for the mass of the
-  man's shank; there the second agrees with Dumas & Wojtusch 2018 (Handbook of Human Motion), as
-  does the place of the hips. The tensors agree with a third one, `SubjectParameterEstimation.m` of the
-  HuMoD data (Wojtusch & von Stryk 2015, Humanoids).
+- **Dumas**, Chèze & Verriest 2007 (J Biomech 40:543, Table 2, with its corrigendum 40:1651):
+  adults  of 31 and 28 years, whole inertia tensors in axes of the joints, centres beside the line
+  between  joints. The numbers are from two independent transcriptions, in Kinetics Toolkit
+  (`dumas_2007.csv`) and in a program for multibody dynamics, which agree except for the mass of
+  the  man's shank; there the second agrees with Dumas & Wojtusch 2018 (Handbook of Human Motion),
+  as  does the place of the hips. The tensors agree with a third one,
+  `SubjectParameterEstimation.m` of the  HuMoD data (Wojtusch & von Stryk 2015, Humanoids).
 
 A `yeadon.Human` has segments by Yeadon 1990 (J Biomech 23:67): a stack of solids, with uniform
 densities, from 95 lengths and girths of one person.

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.polynomial import Polynomial
 from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 
@@ -49,6 +50,26 @@ class Mimic(NamedTuple):
         """Return q at values x of the driver, or its derivative of an order by x."""
         coefficients = np.array([self.offset, self.multiplier, *self.higher])
         return polyval(x, polyder(coefficients, order))
+
+
+def resolve_mimics(couplings: Mapping[str, tuple[str, Polynomial]]) -> tuple[Mimic, ...]:
+    """Return the mimic joints of joints that follow a driver by a polynomial of its q.
+
+    Each gets a driver that mimics none. Raises `InvalidInput` for joints that mimic each other.
+    """
+    mimics = []
+    for joint, (driver, polynomial) in couplings.items():
+        passed = {joint}
+        while driver in couplings:
+            if driver in passed:
+                raise InvalidInput(f"joints {', '.join(sorted(passed))} mimic each other in a loop")
+            passed.add(driver)
+            driver, of_driver = couplings[driver]
+            polynomial = polynomial(of_driver)
+        coefficients = np.trim_zeros(polynomial.coef, "b").tolist()
+        offset, multiplier, *higher = coefficients + [0.0] * (2 - len(coefficients))
+        mimics.append(Mimic(joint, driver, multiplier, offset, tuple(higher)))
+    return tuple(mimics)
 
 
 class Gears:

@@ -17,7 +17,7 @@ from numpy.polynomial import Polynomial
 
 from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.joint_table import Mimic
+from kickdyn.robot.joint_table import resolve_mimics
 from kickdyn.robot.mjcf_file import MjcfFile, body_name, find_body, mujoco_pose
 from kickdyn.robot.model_validation import MAX_MAGNITUDE
 from kickdyn.robot.names import expand_patterns, listed
@@ -60,7 +60,7 @@ def build_mjcf_model(
         passive = set(range(compiled.njnt)).difference(compiled.actuator_trnid[:, 0].tolist())
     read = replace(
         file,
-        mimics=tuple(builder.mimics),
+        mimics=builder.mimics,
         warnings=(warning,) if left_out else (),
         passive_joints=tuple(compiled.joint(joint).name for joint in sorted(passive)),
     )
@@ -106,7 +106,7 @@ class _Builder:
         self.loops: list[tuple[str, str]] = []
         self._couplings: dict[str, tuple[str, Polynomial]] = {}
         self._add_constraints()
-        self.mimics = [self._mimic(joint) for joint in self._couplings]
+        self.mimics = resolve_mimics(self._couplings)
 
     def _place(self, joint: int, position: Array, rotation: Array) -> Any:
         """Return a pose in the world as seen from a joint."""
@@ -275,20 +275,6 @@ class _Builder:
             )
         since_ref = Polynomial([-float(start[address[second]]), 1.0])
         self._couplings[joint] = driver, polynomial(since_ref) + float(start[address[first]])
-
-    def _mimic(self, joint: str) -> Mimic:
-        """Return a joint with the driver that mimics none, and the polynomial of its q."""
-        driver, polynomial = self._couplings[joint]
-        passed = {joint}
-        while driver in self._couplings:
-            if driver in passed:
-                raise InvalidInput(f"joints {', '.join(sorted(passed))} mimic each other in a loop")
-            passed.add(driver)
-            driver, of_driver = self._couplings[driver]
-            polynomial = polynomial(of_driver)
-        coefficients = np.trim_zeros(polynomial.coef, "b").tolist()
-        offset, multiplier, *higher = coefficients + [0.0] * (2 - len(coefficients))
-        return Mimic(joint, driver, multiplier, offset, tuple(higher))
 
 
 def _pose(position: Array, rotation: Array) -> Any:

@@ -23,13 +23,6 @@ from kickdyn.identification.track import (
     with_gaps,
 )
 
-CENTRE_STEPS = 10
-"""Gauss-Newton steps to the centre of a ball."""
-
-CENTRE_MISFIT = 0.05
-"""Largest accepted distance of a marker from the surface of the ball, over its radius."""
-
-
 TRANSLATION = re.compile(r"_t[xyz](/value|/speed)?$", re.IGNORECASE)
 """End of the name of a coordinate that is a length."""
 
@@ -287,14 +280,15 @@ def _centre(points: Array, radius: float) -> Array:
     squares = (offsets**2).sum(axis=1)
     # equal distances are linear in the centre; the radius then corrects it by Gauss-Newton steps
     centre = np.linalg.lstsq(2.0 * offsets, squares - squares.mean(), rcond=None)[0]
-    for _ in range(CENTRE_STEPS):
+    for _ in range(10):  # Gauss-Newton steps
         lever = centre - offsets
         distances = np.sqrt((lever**2).sum(axis=1))
         if not distances.all():  # the markers are one point
             break
         centre = centre - np.linalg.lstsq(lever / distances[:, None], distances - radius)[0]
     misfit = float(np.abs(np.sqrt(((centre - offsets) ** 2).sum(axis=1)) - radius).max())
-    if not misfit <= CENTRE_MISFIT * radius:
+    # largest accepted distance of a marker from the surface of the ball, over its radius
+    if not misfit <= 0.05 * radius:
         raise InvalidInput(
             f"the markers are up to {1000.0 * misfit:.3g} mm from a sphere of radius {radius:g} m: "
             "check the radius, and that all of them are on the ball and not in one plane"

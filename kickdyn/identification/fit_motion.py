@@ -35,19 +35,10 @@ from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.surgery import has_floating_base
 
-LARGEST_EXTENT = 20.0
-"""Distance between markers of one body [m] that only other units explain."""
-
 SWAPPED, DOUBTFUL = (0.02, 0.15), (0.005, 0.4)
 """Root mean square distance of a segment's markers from their places [m] above which markers may be
 swapped, and the share to which another order of them must reduce it: to be refused, and to be
 mentioned. Places may be wrong by a centimetre, too."""
-
-ORDERED_FRAMES = 5
-"""Frames in which orders are tried: the median decides, the worst is mentioned."""
-
-MOST_ORDERED = 5
-"""Markers of a segment of which all orders are tried; of more of them, exchanges of two."""
 
 SIDEWAYS = 0.02
 """Distance of the pelvis' centre and markers from the hip, sideways, that shows the side [m]."""
@@ -61,7 +52,8 @@ def check_units(measured: Array, names: list[str]) -> None:
     middle = np.nanmedian(measured, axis=0)
     extent = float(np.nanmax(middle, axis=0).max() - np.nanmin(middle, axis=0).min())
     size = float(np.nanmax(np.ptp(middle, axis=0)))
-    if min(extent, size) > LARGEST_EXTENT:
+    # distance between markers of one body [m] that only other units explain
+    if min(extent, size) > 20.0:
         raise InvalidInput(
             f"markers are up to {size:.4g} m apart, as in millimetres or centimetres: positions "
             "must be in metres"
@@ -104,7 +96,8 @@ def check_order(leg: Leg, places: Mapping[str, Marker], measured: Array) -> list
         if len(chosen) < 3 or not frames.size:
             continue
         stands = joint == 1 and has_floating_base(model)
-        tried = frames[np.linspace(0, len(frames) - 1, ORDERED_FRAMES + 2).astype(int)[1:-1]]
+        # frames in which orders are tried: the median decides, the worst is mentioned
+        tried = frames[np.linspace(0, len(frames) - 1, 5 + 2).astype(int)[1:-1]]
         misfits = sorted((_misfit(points[chosen], measured[k, chosen], stands), k) for k in tried)
         # exchanges in a few frames do not change the median
         for (misfit, frame), certain in ((misfits[len(tried) // 2], True), (misfits[-1], False)):
@@ -131,7 +124,8 @@ def check_order(leg: Leg, places: Mapping[str, Marker], measured: Array) -> list
 
 def _orders(count: int) -> list[tuple[int, ...]]:
     """Return orders of markers that may have been mistaken for each other."""
-    if count <= MOST_ORDERED:
+    # markers of a segment of which all orders are tried; of more of them, exchanges of two
+    if count <= 5:
         return list(permutations(range(count)))
     orders = []
     for a, b in combinations(range(count), 2):
@@ -221,9 +215,6 @@ def base_configurations(leg: Leg, coordinates: Mapping[str, Array]) -> Array:
     return q
 
 
-LARGEST_FRAME_DISTANCE = 0.1
-"""Distance of one marker in one frame [m] above which it is another marker; skin moves less."""
-
 JUMP, LEAST_JUMP = 8.0, 0.01
 """Distance of a marker in one frame above which a motion has a warning: over the marker's median,
 and at least [m]. Noise alone gives 4."""
@@ -236,9 +227,6 @@ LARGEST_ANGLE = 4.0 * math.pi
 
 LEAST_NOISE = 1e-7
 """Least noise of a marker [m]; with less, the smoothing would lose its digits."""
-
-ANGLE_DEVIATION = math.radians(0.5)
-"""Deviation of angles of a file, which gives none [rad]; of translations, as many metres."""
 
 Place = str | tuple[str, Any]
 """Where a marker is: a frame of the leg, at its origin, or with a point in its axes [m]."""
@@ -369,7 +357,8 @@ def _from_angles(
             f"track has {int(known_frames.sum())} frames with all angles: at least {LEAST_FRAMES} "
             "are needed"
         )
-    information = np.tile(np.eye(leg.nv) / ANGLE_DEVIATION**2, (int(known_frames.sum()), 1, 1))
+    # deviation of angles of a file, which gives none [rad]; of translations, as many metres
+    information = np.tile(np.eye(leg.nv) / math.radians(0.5) ** 2, (int(known_frames.sum()), 1, 1))
     return LegMotion(
         leg, track.times[known_frames], q[known_frames], information, contact, 0.0, {}, {}, {},
         tuple(np.flatnonzero(~known_frames).tolist()), notes,
@@ -430,7 +419,8 @@ def _judged(
     largest, few = float(np.nanmax(distances)), "; in a few frames, NaN leaves it out"
     if float(np.nanmax(mean)) > LARGEST_RMS_DISTANCE:
         few = ""
-    if not few or largest > LARGEST_FRAME_DISTANCE:
+    # distance of one marker in one frame [m] above which it is another marker; skin moves less
+    if not few or largest > 0.1:
         frame_number, worst = np.unravel_index(int(np.nanargmax(distances)), distances.shape)
         name = names[int(worst)]
         doubts = "".join(f"; {line}" for line in motion.notes if repr(name) in line)

@@ -44,15 +44,9 @@ SPIN_SPREAD = 100.0
 """Order of magnitude of a spin [rad/s]: five professionals' curling free kicks have 106 rad/s on
 average (Passmore et al. 2012)."""
 
-FIRST_SPINS = (20.0, 80.0)
-"""Spins from which a fit starts [rad/s]."""
-
 OUTLIER = 4.5
 """Residuals of more than this many standard deviations are left out: in normally distributed noise
 seven of a million are."""
-
-LEAST_USED_FRACTION = 0.9
-"""Fraction of the samples that are used at least."""
 
 FINEST_TOL, COARSEST_TOL = 1e-10, 1e-7
 """Relative tolerances of the integration: the least, and the first one."""
@@ -63,9 +57,6 @@ which one of a profile ends; and the robust one, which only chooses the outliers
 
 FAILED_RESIDUAL = 1e6
 """Residual where no flight can be integrated [m]: no step of a solver ends there."""
-
-FIRST_DRAG = 0.2
-"""First guess of a constant C_D: its value above the drag crisis (Goff & Carre 2009)."""
 
 PROFILED, LARGEST_BEND = 2.0, 2.0
 """Distance from the estimate at which a profile is taken, in standard deviations; and the factor
@@ -286,8 +277,10 @@ def _first_guess(problem: _Problem) -> Array:
         axis = np.cross(
             launch[3:6], mean_acceleration(problem.track) + np.array([0.0, 0.0, GRAVITY])
         )
-        spins = [size * axis / max(float(np.linalg.norm(axis)), 1e-300) for size in FIRST_SPINS]
-    guesses = {"drag": FIRST_DRAG, "drag_scale": 1.0, "lift_scale": 1.0}
+        # spins from which a fit starts [rad/s]
+        spins = [size * axis / max(float(np.linalg.norm(axis)), 1e-300) for size in (20.0, 80.0)]
+    # first guess of a constant C_D: its value above the drag crisis (Goff & Carre 2009)
+    guesses = {"drag": 0.2, "drag_scale": 1.0, "lift_scale": 1.0}
     if Free.WIND in problem.sought:
         guesses["wind_x"], guesses["wind_y"], _ = np.asarray(problem.air.wind).tolist()
     of_air = [guesses[name] for name in problem.air_names]
@@ -307,7 +300,8 @@ def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
         spread = max(1.4826 * float(np.median(np.abs(residuals))), 100.0 * FINEST_TOL * length)
         farthest = np.abs(residuals).reshape(-1, 3).max(axis=1)
         # where more samples are far off, the model does not describe the flight
-        limit = max(OUTLIER * spread, float(np.quantile(farthest, LEAST_USED_FRACTION)))
+        # fraction of the samples that are used at least
+        limit = max(OUTLIER * spread, float(np.quantile(farthest, 0.9)))
         used_before, used = used, np.repeat(farthest <= limit, 3)
         tol_before, tol = tol, min(max(1e-3 * spread / length, FINEST_TOL), COARSEST_TOL)
         if np.array_equal(used_before, used) and tol == tol_before:

@@ -155,9 +155,6 @@ SHORT_TIME = 1e-3
 DRAWN_TIMES = 200
 """Number of times that are drawn in each part of the motion."""
 
-AFTER_CONTACT = 0.05
-"""Time after a contact that a plot shows [s]."""
-
 LARGEST_RATIO_TO_MEDIAN = 2.5
 """Larger residuals of a marker, over the median of all, have a warning. In the measured kicks of
 `data/`, noise alone gives 1.1, and a leg that is 3 % too long gives 3."""
@@ -333,7 +330,8 @@ class LegMotion(ReprMixin):
             raise InvalidInput(f"joints is {names}: it must name some of {', '.join(available)}")
         begin, end = self.times[[0, -1]].tolist()
         if moment is not None:
-            begin, end = moment - CONTACT_WINDOW, moment + AFTER_CONTACT
+            # time after a contact that a plot shows [s]
+            begin, end = moment - CONTACT_WINDOW, moment + 0.05
         figure = Figure(figsize=(COLUMN_WIDTH, 4.2))
         angles, speeds = figure.subplots(2, 1, sharex=True)
         model = self.leg.workspace.model

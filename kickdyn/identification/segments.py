@@ -44,12 +44,6 @@ LEAST_NOISE = 0.012
 """Least noise of a coordinate that cuts and deviations are judged by [m]: cubics are no exact
 flights, and trackers smooth."""
 
-SHORT_PIECE = 15
-"""Samples of a piece that may be an artefact of two cuts for one touch."""
-
-GAP_TIME = 0.25
-"""Time without a sample after which a new segment begins [s]."""
-
 CONTACT_HEIGHT = 0.25
 """Height above rest on the ground below which a ball may touch it [m]: pitches are crowned, and
 trackers do not all report the ball's centre."""
@@ -61,9 +55,6 @@ ACCELERATION_DEVIATION, JERK_DEVIATION = 6.0, 15.0
 """How far a ball's acceleration differs from gravity's [m/s2], and how fast it changes [m/s3], as
 standard deviations: drag and lift of a ball at 20 m/s, and their change within its flight."""
 
-ROLLING_HEIGHT = 0.15
-"""Change of height of a ball that rolls [m], within one segment."""
-
 LEAST_ROLLING_TIME = 0.5
 """Duration of a rolling part from which its deceleration is taken [s]."""
 
@@ -74,17 +65,8 @@ is not level."""
 MOST_FRICTION = 1.0
 """Ratio of the changes of velocity along and across the ground above which it was no bounce."""
 
-UNDERGROUND_FRACTION = 0.1
-"""Share of samples below the ground from which a track is refused."""
-
 LEAST_FALL, MOST_FALL = 4.0, 22.0
 """Downward accelerations between which a ball flies [m/s2]; lift and drag change gravity."""
-
-MOST_LEVEL_FALL = 2.0
-"""Vertical acceleration above which a ball does not roll [m/s2]."""
-
-REST_SPEED = 0.3
-"""Speed below which a ball on the ground counts as at rest [m/s]."""
 
 
 class _Samples(NamedTuple):
@@ -145,7 +127,8 @@ def segments(
     level = ground.height if ground is not None else 0.0
     check_samples(track)
     heights = track.positions[:, 2]  # trackers are off by up to CONTACT_HEIGHT
-    if np.mean(heights < level - CONTACT_HEIGHT) > UNDERGROUND_FRACTION:
+    # share of samples below the ground from which a track is refused
+    if np.mean(heights < level - CONTACT_HEIGHT) > 0.1:
         lowest = int(np.argmin(heights))
         raise InvalidInput(
             f"the ball is at {heights[lowest]:.4g} m at {track.times[lowest]:.10g} s, under the "
@@ -156,7 +139,8 @@ def segments(
     indices = _without_spikes(track, noise)
     samples = _Samples(track.times[indices], track.positions[indices], indices, noise)
     pieces: list[_Piece] = []
-    gaps = [int(k) for k in np.flatnonzero(np.diff(samples.times) > GAP_TIME) + 1]
+    # time without a sample after which a new segment begins [s]
+    gaps = [int(k) for k in np.flatnonzero(np.diff(samples.times) > 0.25) + 1]
     for first, last in zip([0, *gaps], [*gaps, len(indices)], strict=True):
         pieces += _joined(samples, _partition(samples, first, last))
     falls = [piece.fall for piece in pieces if piece.last - piece.first >= 8]
@@ -268,7 +252,8 @@ def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
     i = 1
     while i + 1 < len(pieces):
         left, middle, right = pieces[i - 1 : i + 2]
-        if middle.last - middle.first <= SHORT_PIECE:
+        # samples of a piece that may be an artefact of two cuts for one touch
+        if middle.last - middle.first <= 15:
             choices = [
                 [_fitted(samples, left.first, cut, 5), _fitted(samples, cut, right.last, 5)]
                 for cut in range(middle.first, middle.last + 1)
@@ -333,13 +318,16 @@ def _kind(samples: _Samples, piece: _Piece, rest_height: float) -> SegmentKind:
     heights = samples.positions[piece.first : piece.last, 2]
     if len(heights) < 4:
         return SegmentKind.OTHER
-    is_level = float(np.ptp(heights)) < ROLLING_HEIGHT and abs(piece.fall) < MOST_LEVEL_FALL
+    # vertical acceleration above which a ball does not roll [m/s2]
+    # change of height of a ball that rolls [m], within one segment
+    is_level = float(np.ptp(heights)) < 0.15 and abs(piece.fall) < 2.0
     # a ball that falls along a horizontal axis: the track's z is not up
     if samples.times[piece.last - 1] - samples.times[piece.first] > LEAST_ROLLING_TIME:
         is_level &= math.hypot(*piece.derivative(piece.middle, 2)[:2]) < LEAST_FALL
     if is_level and float(heights.max()) < rest_height + CONTACT_HEIGHT:
         speed = float(np.linalg.norm(piece.derivative(piece.middle, 1)))
-        return SegmentKind.REST if speed < REST_SPEED else SegmentKind.ROLLING
+        # speed below which a ball on the ground counts as at rest [m/s]
+        return SegmentKind.REST if speed < 0.3 else SegmentKind.ROLLING
     return SegmentKind.FLIGHT if LEAST_FALL < piece.fall < MOST_FALL else SegmentKind.OTHER
 
 

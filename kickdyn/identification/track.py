@@ -44,17 +44,11 @@ OTHER_UNITS = (
 drag and lift may fall slower or faster than in free fall. For feet the range is narrow, because
 lift alone can make a ball fall as fast as a number in feet seems to."""
 
-YARDS = 1.0936
-"""Yards per metre: a ball in yards falls as one in metres does whose top spin adds 9 %."""
-
 C3D_MEMORY, C3D_TIME = 2**31, 60.0
 """Memory [bytes] and processor time [s] in which a C3D file is read."""
 
 LARGEST = 1e12
 """Largest number of a track [s, m]: larger ones are faults of a clock or of a file."""
-
-SOUND = 340.0
-"""Speed of sound [m/s], which no ball of a game reaches."""
 
 FASTEST_BALL = 60.0
 """Speed of a kicked ball [m/s] above which other units do not explain it either."""
@@ -74,20 +68,11 @@ UNIT = re.compile(r"(.+?)\s*[\[(]\s*(\w+)\s*[\])]|(.+?)[_ ](mm?|m?s)", re.IGNORE
 SEPARATORS = (",", ";", "\t", None)
 """What stands between the columns of a file; None is blanks."""
 
-COMMENTS = ("#", "%")
-"""Beginnings of lines that are comments."""
-
 MISSING = {"", "na", "n/a", "nan", "null", "none"}
 """What stands for a value that is missing, in lower case."""
 
-MOST_LETTERS = 100
-"""Letters of a name with its unit: a pattern takes long for thousands of blanks."""
-
 MOST_TITLES = 50
 """Lines among which the names of the columns are sought."""
-
-LEAST_SENTINEL = 999.0
-"""Size from which three equal coordinates stand for a measurement that is missing."""
 
 
 @contextlib.contextmanager
@@ -284,7 +269,8 @@ def _read_rows(lines: Sequence[str], names: Sequence[str]) -> tuple[Array, list[
         row = _cells(line, separator)
         cells = [row[place] if place < len(row) else "" for place, _ in columns]
         is_gap = any(x.lower().lstrip("+-") in MISSING for x in cells)
-        if is_gap or row[0].startswith(COMMENTS):
+        # beginnings of lines that are comments
+        if is_gap or row[0].startswith(("#", "%")):
             continue
         if number == first + 1:
             given = [
@@ -347,7 +333,8 @@ def _find_columns(header: Sequence[str], names: Sequence[str]) -> list[tuple[int
 
 def _name_and_unit(cell: str, units: Mapping[str, float]) -> tuple[str, float]:
     """Return the name of a column in lower case, and its unit, 1 where none of the units is."""
-    match = UNIT.fullmatch(cell[:MOST_LETTERS])
+    # letters of a name with its unit: a pattern takes long for thousands of blanks
+    match = UNIT.fullmatch(cell[:100])
     unit = (match[2] or match[4]).lower() if match else ""
     if match is None or unit not in units:
         return cell.casefold(), 1.0
@@ -412,7 +399,8 @@ def _missing(positions: Array) -> NDArray[np.bool_]:
     """Return which positions, `(..., 3)`, stand for missing ones: 0, 0, 0, or -9999 thrice."""
     number = positions[..., 0]
     same = (positions == number[..., None]).all(axis=-1)
-    return np.asarray(same & ((number == 0.0) | (np.abs(number) >= LEAST_SENTINEL)))
+    # size from which three equal coordinates stand for a measurement that is missing
+    return np.asarray(same & ((number == 0.0) | (np.abs(number) >= 999.0)))
 
 
 def _within_reach(times: Array, positions: Array, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -551,7 +539,7 @@ def refuse_units(track: Track, falling: float) -> None:
         )
     steps = np.linalg.norm(np.diff(track.positions, axis=0), axis=1) / np.diff(track.times)
     speed = float(np.median(steps))
-    if speed > SOUND:
+    if speed > 340.0:  # speed of sound [m/s], which no ball of a game reaches
         units = [unit for unit, size, *_ in OTHER_UNITS[:2] if speed < FASTEST_BALL * size]
         likely = f", as with positions in {' or '.join(units)}" if units else ""
         raise InvalidInput(
@@ -567,7 +555,8 @@ def mean_acceleration(track: Track) -> Array:
 
 def doubts_of_track(track: Track, falling: float) -> tuple[str, ...]:
     """Return the warnings of a track, and a line if the ball seems to fall in yards."""
-    if abs(falling / (GRAVITY * YARDS) - 1.0) > 0.02:
+    # yards per metre: a ball in yards falls as one in metres does whose top spin adds 9 %
+    if abs(falling / (GRAVITY * 1.0936) - 1.0) > 0.02:
         return track.warnings
     line = f"the ball falls with {falling:.4g} per s2, as in yards: positions must be in metres"
     return (*track.warnings, line)

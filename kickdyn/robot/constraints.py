@@ -27,12 +27,6 @@ from kickdyn.robot.surgery import has_floating_base
 LOOP_TOLERANCE = 1e-9
 """Largest gap of a loop that counts as closed [m]."""
 
-COINCIDENCE_TOLERANCE = 1e-6
-"""Largest distance of frames that coincide [m]: a URDF has about as many digits."""
-
-LEAST_SOLE_WIDTH = 1e-6
-"""Least width of a sole, as a fraction of its length."""
-
 RANK_TOLERANCE = 1e-9
 """Least fraction of a row, in the metric of inertia, that is independent of the other rows."""
 
@@ -76,7 +70,7 @@ class Support(ValueEquality):
                 "of a flat foot, three or more"
             )
         extent = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
-        if not extent[1] > LEAST_SOLE_WIDTH * extent[0]:
+        if not extent[1] > 1e-6 * extent[0]:  # least width of a sole, as a fraction of its length
             raise InvalidInput(
                 f"sole of {self.frame} is {corners.tolist()}: its corners must span an area"
             )
@@ -393,7 +387,8 @@ def find_open_loops(model: Any, data: Any) -> list[tuple[str, str]]:
     origins = [pin.updateFramePlacement(model, data, end).translation.copy() for end in ends]
     pairs = []
     for (i, first), (j, second) in combinations(zip(ends, origins, strict=True), 2):
-        if np.linalg.norm(first - second) <= COINCIDENCE_TOLERANCE:
+        # largest distance of frames that coincide [m]: a URDF has about as many digits
+        if np.linalg.norm(first - second) <= 1e-6:
             joints = [int(frames[end].parentJoint) for end in (i, j)]
             if not any(a in list(model.supports[b]) for a, b in (joints, joints[::-1])):
                 pairs.append((str(frames[i].name), str(frames[j].name)))

@@ -23,10 +23,6 @@ from kickdyn.robot.standing import joint_bodies, joint_spheres
 LONGER = 1.2
 """Width of a foot over its length above which the robot seems to face another axis than x."""
 
-PATCH_DEPTH = 5e-3
-"""Depth under its tangent plane up to which a foot belongs to a surface [m]: a ball is pressed in
-by more than this."""
-
 
 @dataclass(frozen=True, eq=False)
 class FootSurface:
@@ -162,7 +158,9 @@ def _size(hull: ConvexHull, normal: Array) -> Array:
     """Return the extent of a hull near its tangent plane, level and upwards, `(2,)` [m]."""
     edges = hull.points[hull.simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)]
     heights = edges @ normal
-    above = heights - (heights.max() - PATCH_DEPTH)
+    # depth under its tangent plane up to which a foot belongs to a surface [m]: a ball is pressed
+    # in by more than this
+    above = heights - (heights.max() - 5e-3)
     cut = above[:, 0] * above[:, 1] < 0.0
     share = above[cut, 0] / (above[cut, 0] - above[cut, 1])
     crossings = edges[cut, 0] + share[:, None] * (edges[cut, 1] - edges[cut, 0])

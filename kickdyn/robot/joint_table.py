@@ -16,9 +16,6 @@ from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.names import expand_patterns, unknown
 
-MIMIC_TOLERANCE = 1e-9
-"""By how much a mimic joint may be off the value that its driver gives it [rad; m]."""
-
 LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
 
@@ -117,7 +114,8 @@ class Gears:
         """Return `follow(q)`; raise `InvalidInput` if a mimic joint, of `named`, is elsewhere."""
         followed = self.follow(q)
         for mimic, place in zip(self.mimics, self._places, strict=True):
-            slack = MIMIC_TOLERANCE * max(1.0, abs(followed[place]))
+            # by how much a mimic joint may be off the value that its driver gives it [rad; m]
+            slack = 1e-9 * max(1.0, abs(followed[place]))
             checked = named is None or mimic.joint in named
             if checked and not abs(q[place] - followed[place]) <= slack:
                 raise InvalidInput(

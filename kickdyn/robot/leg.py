@@ -42,9 +42,6 @@ NO_DRIVES = (
 )
 """Warning of a robot whose joints have no rotors."""
 
-MAX_OFFSET = 1e3
-"""Largest distance of a contact point along an axis of the contact frame [m]."""
-
 MAX_SHOWN_JOINTS = 8
 """Joints of a posture that are shown; of a robot with more, those that are not at 0."""
 
@@ -459,7 +456,8 @@ class Posture(JointSpace, ReprMixin):
             return self
         arm = validation.vector("contact offset", offset, 3, unit="m")
         for coordinate in arm.tolist():
-            validation.number("contact offset", abs(coordinate), at_most=MAX_OFFSET, unit="m")
+            # largest distance of a contact point along an axis of the contact frame [m]
+            validation.number("contact offset", abs(coordinate), at_most=1e3, unit="m")
         rotation, local = self._frame_rotation, self._frame_jacobian
         lever = rotation @ arm
         return replace(

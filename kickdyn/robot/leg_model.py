@@ -180,9 +180,6 @@ def _stacked(forces: Any) -> Array:
     return as_strided(rows[0], shape=(len(rows), 6), strides=(step, rows[0].itemsize))
 
 
-FASTEST_BASE = 100.0
-"""Largest speed [m/s] and angular speed [rad/s] of a base that moves."""
-
 Drives = str | PathLike[str] | Mapping[str, Drive]
 """Drives by joint, or a file of them."""
 
@@ -236,7 +233,8 @@ class LegModel(JointTable):
                 ("speed of the base", twist[:3], "m/s"),
                 ("angular speed of the base", twist[3:], "rad/s"),
             ):
-                validation.number(what, math.hypot(*velocity), at_most=FASTEST_BASE, unit=unit)
+                # largest speed [m/s] and angular speed [rad/s] of a base that moves
+                validation.number(what, math.hypot(*velocity), at_most=100.0, unit=unit)
             vars(self).update(base_velocity=read_only(twist) if twist.any() else None)
         if self.base_velocity is not None and (self.supports or has_floating_base(self._model)):
             raise InvalidInput(

@@ -22,9 +22,6 @@ MAX_LISTED = 20
 MAX_FAULTY = 6
 """Largest number of joints that a refusal names."""
 
-MAX_LOCK_ENTRIES = 30
-"""Largest number of joints that `lock_remedy` names."""
-
 
 def listed(names: Sequence[str], most: int = 40) -> str:
     """Return names in one line; those after the first `most` are counted."""
@@ -101,7 +98,7 @@ def lock_remedy(model: Any, joints: Sequence[str]) -> str:
             options.append(f"--lock {shlex.quote(f'{joint}={text}')}")
     if not values or len(values) == len(names) - 1:
         return ""
-    if len(values) > MAX_LOCK_ENTRIES:
+    if len(values) > 30:  # more would not be read
         return "lock them by locked={joint: value} in Python, by --lock JOINT=VALUE in commands"
     python = ", ".join(f"{name!r}: {value:g}" for name, value in values.items())
     pronoun = "it" if len(values) == 1 else "them"

@@ -41,12 +41,6 @@ MAX_DEPTH = 64
 MANIFEST = "package.xml"
 """The file that makes a folder a ROS package, and has its name (REP 149)."""
 
-MAX_LEVELS = 4
-"""Folders above a robot's file, its own included, that can be a package without a manifest."""
-
-MAX_MESH = 100_000_000
-"""Size of the largest mesh that is read [bytes]: an STL file of two million triangles."""
-
 
 def robot_path(kind: str, path: object) -> Path:
     """Return the path of a robot's file; raise `InvalidInput` if it is none."""
@@ -119,7 +113,8 @@ class PackageFiles:
         self._folder = folder.resolve()
         containing = [self._folder, *self._folder.parents]
         self._packages = [path for path in containing if _package_name(path) is not None]
-        self._near = containing[:MAX_LEVELS]
+        # folders above a robot's file, its own included, that can be a package without a manifest
+        self._near = containing[:4]
         self._dirs = [path.resolve() for path in package_dirs]
 
     def find(self, name: str, what: str = "mesh", folder: Path | None = None) -> Path:
@@ -156,7 +151,8 @@ class PackageFiles:
     def read_mesh(self, name: str, folder: Path | None = None) -> bytes:
         """Return the content of a mesh; raise `InvalidInput` as `find`, or if it is too large."""
         path = self.find(name, folder=folder)
-        check_file(path, f"mesh {name!r}", MAX_MESH, FaultyFile)
+        # size of the largest mesh that is read [bytes]: an STL file of two million triangles
+        check_file(path, f"mesh {name!r}", 100_000_000, FaultyFile)
         return path.read_bytes()
 
     def _first(self, name: str, what: str, paths: list[Path], package: Path | None = None) -> Path:
@@ -222,9 +218,6 @@ FORMATS = (".stl", ".obj", ".dae", ".ply")
 
 MAX_VERTICES = 3_000_000
 """Vertices and triangles of a mesh."""
-
-GREY = "0.4 0.4 0.4 1"
-"""Colour of surfaces that COLLADA colours by a picture, as trimesh's own without the picture."""
 
 UPRIGHT = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
@@ -391,7 +384,9 @@ def _remove_pictures(root: ElementTree.Element) -> None:
     for parent in root.iterfind(".//{*}library_effects//*[{*}texture]"):
         for texture in parent.findall("{*}texture"):
             texture.tag = texture.tag.replace("texture", "color")
-            texture.text = GREY
+            # colour of surfaces that COLLADA colours by a picture, as trimesh's own without the
+            # picture
+            texture.text = "0.4 0.4 0.4 1"
             texture.attrib.clear()
             del texture[:]
     for profile in root.iterfind(".//{*}library_effects//*[{*}newparam]"):

@@ -150,9 +150,6 @@ NARROW = 0.02
 MOST_TILT = np.radians(30.0)
 """Largest angle of a sole to the ground while all joints are at 0 [rad]."""
 
-FACE = np.radians(1.0)
-"""Largest angle between facets of a hull that are one face [rad]."""
-
 
 class StandingRobot:
     r"""A robot that stands on one flat foot, and the same robot with this foot as its root.
@@ -369,7 +366,8 @@ def _faces(robot: Leg, frame: int) -> tuple[Array, Array]:
     corners = hull.points[hull.simplices]
     sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.asarray(0.5 * np.linalg.norm(sides, axis=1))
-    along = normals @ normals.T >= np.cos(FACE)
+    # largest angle between facets of a hull that are one face [rad]
+    along = normals @ normals.T >= np.cos(np.radians(1.0))
     return np.asarray(normals), along @ areas
 
 

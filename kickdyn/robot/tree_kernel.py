@@ -20,9 +20,6 @@ from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
 
-ALIGNED = 1e-15
-"""Largest entry of a rotation minus the identity that is taken for rounding."""
-
 JOINT = np.dtype(
     [
         ("parent", np.int64),  # the joint that carries this one, 0 for the base
@@ -161,7 +158,8 @@ def joint_tree(
         joint, placement, inertia = tree[k], model.jointPlacements[k], model.inertias[k]
         parent, frame = frames[model.parents[k]], frames[k]
         rotation = parent.T @ placement.rotation @ frame
-        joint["aligned"] = np.abs(rotation - np.eye(3)).max() < ALIGNED
+        # largest entry of a rotation minus the identity that is taken for rounding
+        joint["aligned"] = np.abs(rotation - np.eye(3)).max() < 1e-15
         joint["rotation"] = rotation
         joint["origin"] = parent.T @ (placement.translation - (0 if model.parents[k] else of_base))
         joint["mass"] = inertia.mass

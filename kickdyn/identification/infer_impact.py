@@ -194,13 +194,8 @@ class InferredImpact(ReprMixin):
         sizes = self.joint_sizes
         worst = max(sizes, key=sizes.__getitem__)
         yield f"worst joint, {worst}", sizes[worst], "N s"
-        for name, size in sizes.items():
-            if name in self.joint_deviations:
-                yield (
-                    f"impulse in {name}",
-                    f"{size:.4g} +- {self.joint_deviations[name]:.2g}",
-                    "N s",
-                )
+        for name, deviation in self.joint_deviations.items():
+            yield f"impulse in {name}", f"{sizes[name]:.4g} +- {deviation:.2g}", "N s"
         yield from warned(self.warnings)
 
 
@@ -263,14 +258,10 @@ def infer_impact(
     count = posture.leg.nv
     speed = validation.vector("v", v, count, unit="rad/s or m/s")  # type: ignore[arg-type]
     posture.check_velocity(speed)
-    noise = np.concatenate(
-        [
-            np.repeat(_deviations("velocity deviation", velocity_deviation, 2), 3),
-            np.repeat(_deviations("spin deviation", spin_deviation, 2), 3),
-            np.zeros(count),
-            _deviations("joint deviation", joint_deviation, count),
-        ]
-    )
+    of_velocity = np.repeat(_deviations("velocity deviation", velocity_deviation, 2), 3)
+    of_spin = np.repeat(_deviations("spin deviation", spin_deviation, 2), 3)
+    of_joints = _deviations("joint deviation", joint_deviation, count)
+    noise = np.concatenate([of_velocity, of_spin, np.zeros(count), of_joints])
     steps = np.diag(noise)[noise > 0.0]
     return _with_deviations(posture, speed, ball, (ball_before, ball_after), steps)
 
@@ -388,25 +379,19 @@ def _with_deviations(
         impact, twist = inferred_from(measured + change)
         joints = impact.joint_sizes.values()
         foot, ball_speed = np.linalg.norm(impact.foot_velocity), impact.ball_after.speed
-        sizes = [np.linalg.norm(impact.impulse), foot, ball_speed, impact.effective_mass]
-        numbers = [impact.restitution, impact.friction, twist, *impact.normal]
-        return np.array([*numbers, *sizes, *joints], dtype=float)
+        numbers = [impact.restitution, impact.friction, twist, np.linalg.norm(impact.impulse)]
+        numbers += [foot, ball_speed, impact.effective_mass]
+        return np.array([*numbers, *impact.normal, *joints], dtype=float)
 
     changes = [0.5 * (values(step) - values(-step)) for step in steps]
     at_ends = [np.abs(values(end) - values(np.zeros(end.size))) / COVERED for end in ends]
     if at_ends:
         changes.append(np.max(at_ends, axis=0))
-    restitution, friction, residual, *others = np.linalg.norm(changes, axis=0).tolist()
-    deviations = {
-        "restitution": restitution,
-        "friction": friction,
-        "normal": math.hypot(*others[:3]),
-        "residual": residual,
-        **dict(
-            zip(("impulse", "foot_speed", "ball_speed", "effective_mass"), others[3:7], strict=True)
-        ),
-    }
-    joints = dict(zip(inferred.joint_sizes, others[7:], strict=True))
+    sizes = np.linalg.norm(changes, axis=0).tolist()
+    names = "restitution", "friction", "residual", "impulse", "foot_speed", "ball_speed"
+    deviations = dict(zip((*names, "effective_mass"), sizes[:7], strict=True))
+    deviations["normal"] = math.hypot(*sizes[7:10])
+    joints = dict(zip(inferred.joint_sizes, sizes[10:], strict=True))
     return replace(inferred, deviations=deviations, joint_deviations=joints)
 
 

@@ -163,7 +163,10 @@ def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:
         with redirect_stdout(sys.stderr):  # it prints what it downloads
             module = import_module(f"robot_descriptions.{name}")
     except Exception as error:  # of git, of files, of a network
-        reason = _reason(error)
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        # git's own line before that of its wrapper
+        fatal = [line.partition("fatal: ")[2].rstrip("'") for line in lines if "fatal: " in line]
+        reason = (fatal or lines or [type(error).__name__])[0][:200]
     if reason is not None:  # not raised above: the line of its progress ends with the exception
         raise InvalidInput(
             f"robot {name!r} is not on this machine, and cannot be downloaded ({reason}): "
@@ -178,10 +181,3 @@ def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:
         )
     package, repository = Path(module.PACKAGE_PATH), Path(module.REPOSITORY_PATH)
     return Path(path), (package, repository, package.parent)
-
-
-def _reason(error: Exception) -> str:
-    """Return the first line that says what went wrong, git's own before its wrapper's."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    fatal = [line.partition("fatal: ")[2].rstrip("'") for line in lines if "fatal: " in line]
-    return (fatal or lines or [type(error).__name__])[0][:200]

@@ -15,7 +15,7 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.catalog import SIDE, SURFACES, add_contact_points, normal_cone
-from kickdyn.robot.ground_clearance import find_unread, sphere_directions
+from kickdyn.robot.ground_clearance import find_unread
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frames_by_name
 from kickdyn.robot.standing import joint_bodies, joint_spheres
@@ -117,11 +117,8 @@ def _foot_hull(leg: Leg) -> ConvexHull:
     pin.forwardKinematics(model, data, leg.configuration())
     origin = pin.updateFramePlacement(model, data, leg.frame_id).translation
     spheres = joint_spheres(leg, joint).moved(data.oMi[joint].homogeneous)
-    round_ones = spheres.radii > 0.0
-    reach = spheres.radii[round_ones, None, None] * sphere_directions()
-    bulges = (spheres.centres[round_ones, None] + reach).reshape(-1, 3)
     try:
-        return ConvexHull(np.vstack([spheres.centres, bulges]) - origin)
+        return ConvexHull(spheres.points - origin)
     except (QhullError, ValueError):
         unread = filter(None, (find_unread(leg, frame) for frame in joint_bodies(leg, joint)))
         reason = next((f" ({why}; --package-dir names the folder of meshes)" for why in unread), "")

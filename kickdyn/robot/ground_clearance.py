@@ -47,6 +47,13 @@ class Spheres(NamedTuple):
         return Spheres(self.centres @ pose[:3, :3].T + pose[:3, 3], self.radii)
 
     @property
+    def points(self) -> Array:
+        """Centres, and points of the surfaces in `DIRECTIONS`, shape `(n, 3)` [m]."""
+        round_ones = self.radii > 0.0
+        reach = self.radii[round_ones, None, None] * sphere_directions()
+        return np.vstack([self.centres, (self.centres[round_ones, None] + reach).reshape(-1, 3)])
+
+    @property
     def lowest(self) -> float:
         """Height of the body's lowest point [m]."""
         return float((self.centres[:, 2] - self.radii).min())

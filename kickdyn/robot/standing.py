@@ -24,7 +24,6 @@ from kickdyn.robot.ground_clearance import (
     joined,
     shape_of,
     shapes_of,
-    sphere_directions,
 )
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import frame_id
@@ -355,11 +354,8 @@ def _faces(robot: Leg, frame: int) -> tuple[Array, Array]:
     """Return outward normals, `(k, 3)` [frame], and areas [m^2] of the faces of a foot's hull."""
     support = robot.workspace.model.frames[frame]
     shapes = joint_spheres(robot, int(support.parentJoint))
-    directions = np.vstack([np.zeros((1, 3)), sphere_directions()])
-    points = (shapes.centres[:, None] + shapes.radii[:, None, None] * directions).reshape(-1, 3)
-    points = (points - support.placement.translation) @ support.placement.rotation
     try:
-        hull = ConvexHull(np.unique(points, axis=0))
+        hull = ConvexHull(shapes.moved(support.placement.inverse().homogeneous).points)
     except QhullError:  # flat, or a point
         return np.zeros((0, 3)), np.zeros(0)
     normals = hull.equations[:, :3]
@@ -393,8 +389,7 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
         return support.sole
     support_frame = robot.workspace.model.frames[frame]
     shapes = joint_spheres(robot, int(support_frame.parentJoint))
-    frame_pose = support_frame.placement
-    seen = (shapes.centres - frame_pose.translation) @ frame_pose.rotation @ rotation.T
+    seen = shapes.moved(support_frame.placement.inverse().homogeneous).centres @ rotation.T
     bottom = seen[:, 2] - shapes.radii
     level = float(bottom.min())
     points = []

@@ -253,7 +253,14 @@ def scaled_leg(
         scaled = leg.with_model(_scaled_model(leg, scales))
         if count:
             offsets = values[len(joints) :].reshape(-1, 3)
-        displaced = _scaled_places(leg, places, scales, offsets)
+        factors = [1.0, *scales]  # of the base, then of the joints
+        carriers = [leg.workspace.model.frames[frame].parentJoint for frame, _ in places.values()]
+        displaced = [
+            Marker(frame, factors[joint] * point + offset)
+            for (frame, point), joint, offset in zip(
+                places.values(), carriers, offsets, strict=True
+            )
+        ]
         if float(np.abs(step).max()) < (SMALL_STEP if count else 1e-13):
             break
     numbers = dict(zip(joints, scales.tolist(), strict=True))
@@ -324,30 +331,15 @@ def _by_scale(
 
 def _scaled_model(leg: Leg, scales: Array) -> Any:
     """Return the model with the segment behind each joint scaled; masses stay."""
-    model = leg.model
+    model, factors = leg.model, [1.0, *scales]  # of the base, then of the joints
     for joint in range(1, model.njoints):
-        parent = model.parents[joint]
-        if parent:
-            model.jointPlacements[joint].translation *= scales[parent - 1]
-        size, inertia = scales[joint - 1], model.inertias[joint]
+        model.jointPlacements[joint].translation *= factors[model.parents[joint]]
+        size, inertia = factors[joint], model.inertias[joint]
         model.inertias[joint] = pin.Inertia(
             inertia.mass, size * inertia.lever, size**2 * inertia.inertia
         )
     for frame in model.frames:
-        if frame.parentJoint:
-            placement = frame.placement.copy()
-            placement.translation = placement.translation * scales[frame.parentJoint - 1]
-            frame.placement = placement
+        placement = frame.placement.copy()
+        placement.translation = placement.translation * factors[frame.parentJoint]
+        frame.placement = placement
     return model
-
-
-def _scaled_places(
-    leg: Leg, places: Mapping[str, Marker], scales: Array, offsets: Array
-) -> list[Marker]:
-    """Return the places of markers, scaled with their segments, then moved by offsets [m]."""
-    frames, answer = leg.workspace.model.frames, []
-    for (frame, point), offset in zip(places.values(), offsets, strict=True):
-        joint = frames[frame].parentJoint
-        scale = float(scales[joint - 1]) if joint else 1.0
-        answer.append(Marker(frame, scale * point + offset))
-    return answer

@@ -287,21 +287,15 @@ class JointTable:
     @cached_property
     def angle_bounds(self) -> list[tuple[list[int], list[float]]]:
         """Of q and of a short q: places of angles, and by which size they look like degrees."""
-        model, forms = self._model, list[tuple[list[int], list[float]]]()
+        model, mimicking = self._model, {mimic.joint for mimic in self.mimics}
         short = list(range(model.nq)) if self._short_form is None else self._short_form[0].tolist()
-        mimicking = {mimic.joint for mimic in self.mimics}
-        for is_short in (False, True):
-            places, bounds = list[int](), list[float]()
-            for name in self.single_joints:
-                if self.joint_unit(name) == "m" or name in mimicking:
-                    continue
-                number = 1 + self.joint_names.index(name)
-                place, turns = model.idx_qs[number], model.nqs[number] == 2
-                places.append(short.index(place) if is_short else place + turns)
-                reach = max(map(abs, self.joint_range(name)))
-                bounds.append(max(math.tau, reach if reach < math.inf else 0.0))
-            forms.append((places, bounds))
-        return forms
+        turning = [name for name in self.single_joints if self.joint_unit(name) == "rad"]
+        names = [name for name in turning if name not in mimicking]
+        numbers = [1 + self.joint_names.index(name) for name in names]
+        reaches = [max(map(abs, self.joint_range(name))) for name in names]
+        bounds = [max(math.tau, reach if reach < math.inf else 0.0) for reach in reaches]
+        places = [model.idx_qs[k] + int(model.nqs[k] == 2) for k in numbers]  # sine if continuous
+        return [(places, bounds), ([short.index(model.idx_qs[k]) for k in numbers], bounds)]
 
     def too_fast(self, v: ArrayLike) -> list[str]:
         """Return a line for each joint of one degree of freedom that is faster than its limit."""
@@ -348,11 +342,10 @@ class JointTable:
         model, places, angles = self._model, list[int](), list[bool]()
         mimicking = {mimic.joint for mimic in self.mimics}
         for joint in range(1, model.njoints):
-            index, nq = model.idx_qs[joint], model.nqs[joint]
-            turns = (nq, model.nvs[joint]) == (2, 1)
             if model.names[joint] not in mimicking:
-                size = 1 if turns else nq
-                places += range(index, index + size)
+                turns = (model.nqs[joint], model.nvs[joint]) == (2, 1)
+                size = 1 if turns else model.nqs[joint]
+                places += range(model.idx_qs[joint], model.idx_qs[joint] + size)
                 angles += [turns] * size
         return None if len(places) == model.nq else (np.array(places), np.array(angles))
 

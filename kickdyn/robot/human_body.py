@@ -262,32 +262,6 @@ HumanModel = StrEnum("HumanModel", {"PAPER": "paper", "SPATIAL": "3d"})
 """Joints of a human leg: as in the paper, in one plane, or six in space."""
 
 
-class Person(NamedTuple):
-    """A person: height [m], mass [kg], sex, and segments by the names of the template's links.
-
-    The body's middle is along y in the direction `medial`, 1 for the right leg and -1 for the left
-    one.
-    """
-
-    height: float
-    mass: float
-    sex: Sex
-    medial: float
-    segments: Mapping[str, Segment]
-
-    def segment(self, link: str) -> Segment:
-        """Return a segment with its mass [kg], points [m] and inertia tensor [kg m2]."""
-        share = self.segments[link]
-        mirror = np.array([1.0, self.medial, 1.0])
-        mass = share.mass * self.mass
-        return Segment(
-            mass,
-            mirror * share.end * self.height,
-            mirror * share.centre * self.height,
-            mass * self.height**2 * share.gyration * np.outer(mirror, mirror),
-        )
-
-
 STRENGTH = {
     Sex.MALE: {"hip": 0.161, "knee": 0.163, "ankle": 0.095},
     Sex.FEMALE: {"hip": 0.181, "knee": 0.159, "ankle": 0.104},
@@ -335,14 +309,21 @@ def human_leg(
     file = read_urdf(shipped_urdf("leg_human.urdf"))
     root = ElementTree.fromstring(file.text)
     medial = 1.0 if is_right else -1.0  # side of the body's middle along y
-    person = Person(height, mass, kind, medial, segments(source, kind, side, height))
-    _set_size(root, person)
+    mirror, sized = np.array([1.0, medial, 1.0]), dict[str, Segment]()  # in kg, m and kg m2
+    for link, segment in segments(source, kind, side, height).items():
+        share, end, centre, gyration = segment
+        tensor = share * mass * height**2 * gyration * np.outer(mirror, mirror)
+        sized[link] = Segment(share * mass, mirror * end * height, mirror * centre * height, tensor)
+    _set_size(root, sized, height)
+    for joint, strength in STRENGTH[kind].items():
+        torque = strength * mass * GRAVITY * height
+        _find(root, f"joint[@name='{joint}']/limit").set("effort", repr(torque))
     _add_contact_points(root, medial)
     if joints is HumanModel.SPATIAL:
         for name, (before, axis, degrees) in SPATIAL_JOINTS.items():
             _add_joint(root, name, before, _text(medial * np.array(axis)), degrees)
     if base == "floating":
-        _find(root, "link[@name='base']").insert(0, _inertial(person.segment("base")))
+        _find(root, "link[@name='base']").insert(0, _inertial(sized["base"]))
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding="unicode")
     pin_model = build_model(text, file.source, base)
@@ -357,12 +338,12 @@ def human_leg(
     return replace(file, text=text), pin_model, cone
 
 
-def _set_size(root: Element, person: Person) -> None:
-    """Give thigh, shank and foot of the template their size, and the joints their torques."""
-    thickness = person.height / TEMPLATE_HEIGHT
+def _set_size(root: Element, sized: Mapping[str, Segment], height: float) -> None:
+    """Give thigh, shank and foot of the template the size of segments."""
+    thickness = height / TEMPLATE_HEIGHT
     ends = {"thigh": "knee", "shank": "ankle", "foot": "toe_fixed"}
     for link, distal in ends.items():
-        segment = person.segment(link)
+        segment = sized[link]
         origin = _find(root, f"joint[@name='{distal}']/origin")
         if link == "foot":
             stretch = (float(segment.end[0]) / TEMPLATE_FOOT, thickness, thickness)
@@ -375,9 +356,6 @@ def _set_size(root: Element, person: Person) -> None:
         body.insert(0, _inertial(segment))
         _stretch_shapes(body, stretch)
     _stretch_shapes(_find(root, "link[@name='base']"), (thickness,) * 3)
-    for joint, strength in STRENGTH[person.sex].items():
-        torque = strength * person.mass * GRAVITY * person.height
-        _find(root, f"joint[@name='{joint}']/limit").set("effort", repr(torque))
 
 
 def _inertial(segment: Segment) -> Element:

@@ -147,36 +147,25 @@ class Identification(ReprMixin):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Lines about what to know before using the numbers; empty if there is nothing."""
-        lines = []
-        if self.rms > self.ball.radius:
-            lines.append(
-                f"the fit misses the positions by {self.rms:.2g} m, more than the ball's radius: "
-                "they may not be one flight, without a bounce, in metres and seconds with z up"
-            )
         drag = self.values.get("drag", self.values.get("drag_scale", 0.0))
-        if drag < 0.0:
-            lines.append(
-                f"drag is {drag:.2g}, below 0, as if the air pushed the ball: wind, a touch within "
-                "the flight, or positions that are not in metres can cause this"
-            )
-        if self.undetermined:
-            lines.append(f"not determined by the measurement: {', '.join(self.undetermined)}")
-        if self.curved:
-            lines.append(
-                "the sum of squares is not quadratic around the estimate: the standard deviations "
-                f"of {', '.join(self.curved)} were increased to match it"
-            )
-        if self.widening > 1.0:
-            lines.append(
-                "neighbouring residuals are correlated, as in smoothed tracks: the standard "
-                f"deviations are increased by a factor of {self.widening:.2g}"
-            )
-        if self.outliers:
-            lines.append(
-                f"{self.outliers} of {self.used.size} samples are outliers and were left out"
-            )
         falling = -float(mean_acceleration(self.track)[2])
-        return (*lines, *doubts_of_track(self.track, falling), *self.flight.warnings)
+        lines = {
+            f"the fit misses the positions by {self.rms:.2g} m, more than the ball's radius: "
+            "they may not be one flight, without a bounce, in metres and seconds with z up":
+                self.rms > self.ball.radius,
+            f"drag is {drag:.2g}, below 0, as if the air pushed the ball: wind, a touch within "
+            "the flight, or positions that are not in metres can cause this": drag < 0.0,
+            f"not determined by the measurement: {', '.join(self.undetermined)}":
+                self.undetermined,
+            "the sum of squares is not quadratic around the estimate: the standard deviations "
+            f"of {', '.join(self.curved)} were increased to match it": self.curved,
+            "neighbouring residuals are correlated, as in smoothed tracks: the standard "
+            f"deviations are increased by a factor of {self.widening:.2g}": self.widening > 1.0,
+            f"{self.outliers} of {self.used.size} samples are outliers and were left out":
+                self.outliers,
+        }  # fmt: skip
+        doubts = doubts_of_track(self.track, falling)
+        return (*(line for line, holds in lines.items() if holds), *doubts, *self.flight.warnings)
 
     @styled()
     def plot(self) -> Any:

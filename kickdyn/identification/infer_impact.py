@@ -149,27 +149,23 @@ class InferredImpact(ReprMixin):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Lines about what to know before using the numbers; empty if there is nothing."""
-        lines = list(self.notes)
         deviation = self.deviations.get("residual", 0.0)
-        if self.residual > (3.0 * deviation or LARGEST_IMPULSE_RESIDUAL):
-            spread = f" +- {100 * deviation:.2g}" if deviation else ""
-            lines.append(
-                f"the residual is {100 * self.residual:.2g}{spread} % of radius times impulse: an "
-                "impulse at one point does not explain the change of spin; check the spins"
-            )
+        spread = f" +- {100 * deviation:.2g}" if deviation else ""
         margin = 1e-9 + 3.0 * self.deviations.get("restitution", 0.0)
-        if not -margin <= self.restitution <= 1.0 + margin:
-            lines.append(
-                f"restitution is {self.restitution:.3g}, outside 0 to 1: posture, joint velocity "
-                "and ball are inconsistent, or the sliding changed during the contact"
-            )
         distance = float(np.linalg.norm(self.contact_point - self.posture.contact_point))
-        if distance > LARGEST_CONTACT_DISTANCE * self.ball.radius:
-            lines.append(
-                f"the contact point on the ball is {distance:.2g} m from the contact point of the "
-                "posture, where the leg takes the impulse"
-            )
-        return (*lines, *self.posture.warnings, *self.ball.warnings)
+        lines = {
+            f"the residual is {100 * self.residual:.2g}{spread} % of radius times impulse: an "
+            "impulse at one point does not explain the change of spin; check the spins":
+                self.residual > (3.0 * deviation or LARGEST_IMPULSE_RESIDUAL),
+            f"restitution is {self.restitution:.3g}, outside 0 to 1: posture, joint velocity "
+            "and ball are inconsistent, or the sliding changed during the contact":
+                not -margin <= self.restitution <= 1.0 + margin,
+            f"the contact point on the ball is {distance:.2g} m from the contact point of the "
+            "posture, where the leg takes the impulse":
+                distance > LARGEST_CONTACT_DISTANCE * self.ball.radius,
+        }  # fmt: skip
+        doubts = (line for line, holds in lines.items() if holds)
+        return (*self.notes, *doubts, *self.posture.warnings, *self.ball.warnings)
 
     def plot(self) -> Any:
         """Return a matplotlib Figure of the joints' linear impulses, with standard deviations."""

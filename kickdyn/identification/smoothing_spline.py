@@ -85,7 +85,9 @@ class SmoothingSpline:
             density = _likely_density(b, penalty, x[:, j], variances[:, j], median)
             normal[j, :, j, :] += np.diag(penalty) / density
         right = np.einsum("kjl,kl,ka->ja", weights, x, b, optimize=True).ravel()
-        inverse = _inverse(normal.reshape(nv * size, nv * size))
+        normal = normal.reshape(nv * size, nv * size)
+        scale = 1.0 / np.sqrt(normal.diagonal())  # entries differ by many decades
+        inverse = np.linalg.inv(normal * scale * scale[:, None]) * scale * scale[:, None]
         self._covariance = inverse.reshape(nv, size, nv, size)
         self._coefficients = (inverse @ right).reshape(nv, size)
 
@@ -130,12 +132,6 @@ class SmoothingSpline:
         x, *rates = rows @ self._coefficients.T
         jacobian = pin.dIntegrate(self.model, self.reference, x, pin.ARG1)
         return np.concatenate([jacobian @ rate for rate in rates])
-
-
-def _inverse(matrix: Array) -> Array:
-    """Return the inverse of a positive definite matrix whose entries differ by many decades."""
-    scale = 1.0 / np.sqrt(matrix.diagonal())
-    return np.asarray(np.linalg.inv(matrix * scale * scale[:, None]) * scale * scale[:, None])
 
 
 def _likely_density(b: Array, penalty: Array, y: Array, variances: Array, median: float) -> float:

@@ -103,11 +103,6 @@ LEAST_PIVOT = 1e-9
 """Share that a pivot must keep of its diagonal entry of M, or it has lost its digits."""
 
 
-def joint_frame(axis: Array) -> Array:
-    """Return a frame as columns, whose z is along the axis."""
-    return rotation_between(np.array([0.0, 0.0, 1.0]), axis)
-
-
 class TreeJoints(NamedTuple):
     """The joints of a fixed-base tree of hinges and slides, at q = 0."""
 
@@ -119,9 +114,7 @@ class TreeJoints(NamedTuple):
 def hinges_and_slides(leg: Leg) -> TreeJoints | None:
     """Return the joints of a leg; None with a floating base, constraints, or other joints."""
     model = leg.workspace.model
-    if leg.constraints is not None:
-        return None
-    if any(nv != 1 for nv in list(model.nvs)[1:]):
+    if leg.constraints is not None or any(nv != 1 for nv in list(model.nvs)[1:]):
         return None
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
@@ -145,7 +138,8 @@ def joint_tree(
     """
     model = leg.workspace.model
     senses = np.array([1.0, *(np.sign(axis[np.argmax(np.abs(axis))]) for axis in joints.axes)])
-    frames = [base_axes, *map(joint_frame, senses[1:, None] * joints.axes)]
+    z = np.array([0.0, 0.0, 1.0])
+    frames = [base_axes, *(rotation_between(z, axis) for axis in senses[1:, None] * joints.axes)]
     data, v = model.createData(), [model.idx_vs[k] for k in range(1, model.njoints)]
     pin.computeSubtreeMasses(model, data)
     tree = np.zeros(model.njoints, JOINT)

@@ -413,12 +413,8 @@ def _orders(count: int) -> list[tuple[int, ...]]:
     # markers of a segment of which all orders are tried; of more of them, exchanges of two
     if count <= 5:
         return list(permutations(range(count)))
-    orders = []
-    for a, b in combinations(range(count), 2):
-        order = list(range(count))
-        order[a], order[b] = b, a
-        orders.append(tuple(order))
-    return orders
+    swaps = [{a: b, b: a} for a, b in combinations(range(count), 2)]
+    return [tuple(swap.get(k, k) for k in range(count)) for swap in swaps]
 
 
 def _misfit(points: Array, seen: Array, stands: bool) -> float:

@@ -35,6 +35,32 @@ BALL_WINDOW = 0.1
 LEAST_CHANGE = 1.0
 """Change of a ball's velocity below which nothing struck it [m/s]."""
 
+LEAST_FRAMES = 8
+"""Fewer frames before a contact do not determine a velocity with its deviation."""
+
+CONTACT_WINDOW = GROWTH_TIME
+"""Time before a contact whose frames the motion at the contact is smoothed from [s]."""
+
+LONGEST_GAP, LONGEST_UNSEEN = 3.0, 0.02
+"""Frames, and time [s], without markers that determine the whole leg just before a contact: the
+larger of both may pass."""
+
+SHORT_TIME = 1e-3
+"""Time in which a derivative by time is taken [s]."""
+
+DRAWN_TIMES = 200
+"""Number of times that are drawn in each part of the motion."""
+
+LARGEST_RATIO_TO_MEDIAN = 2.5
+"""Larger residuals of a marker, over the median of all, have a warning. In the measured kicks of
+`data/`, noise alone gives 1.1, and a leg that is 3 % too long gives 3."""
+
+RANGE_MARGIN = math.radians(10.0)
+"""Angle outside the range of a joint that persons reach [rad]."""
+
+LARGEST_TILT = 60.0
+"""Tilt of a pelvis [deg] above which the vertical axis of the track is in doubt."""
+
 
 class Moment(NamedTuple):
     """A time [s] and its standard deviation [s]."""
@@ -137,33 +163,6 @@ def _check_change(size: float, track: Track) -> None:
             f"{track.times[0]:.4g} to {track.times[-1]:.4g} s: a kick changes it by "
             f"{LEAST_CHANGE:g} m/s or more"
         )
-
-
-LEAST_FRAMES = 8
-"""Fewer frames before a contact do not determine a velocity with its deviation."""
-
-CONTACT_WINDOW = GROWTH_TIME
-"""Time before a contact whose frames the motion at the contact is smoothed from [s]."""
-
-LONGEST_GAP, LONGEST_UNSEEN = 3.0, 0.02
-"""Frames, and time [s], without markers that determine the whole leg just before a contact: the
-larger of both may pass."""
-
-SHORT_TIME = 1e-3
-"""Time in which a derivative by time is taken [s]."""
-
-DRAWN_TIMES = 200
-"""Number of times that are drawn in each part of the motion."""
-
-LARGEST_RATIO_TO_MEDIAN = 2.5
-"""Larger residuals of a marker, over the median of all, have a warning. In the measured kicks of
-`data/`, noise alone gives 1.1, and a leg that is 3 % too long gives 3."""
-
-RANGE_MARGIN = math.radians(10.0)
-"""Angle outside the range of a joint that persons reach [rad]."""
-
-LARGEST_TILT = 60.0
-"""Tilt of a pelvis [deg] above which the vertical axis of the track is in doubt."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

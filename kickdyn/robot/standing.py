@@ -39,6 +39,15 @@ from kickdyn.robot.surgery import (
 UNLIMITED = 100.0
 """Speed that counts as the limit where no joint has one [rad/s]: faster than any that kicks."""
 
+SOLE_THICKNESS = 2e-3
+"""Height above the lowest point of a foot up to which its shapes count as its sole [m]."""
+
+NARROW = 0.02
+"""Width of a sole below which the foot may stand on another face of its shapes [m]."""
+
+MOST_TILT = np.radians(30.0)
+"""Largest angle of a sole to the ground while all joints are at 0 [rad]."""
+
 
 @dataclass(frozen=True, eq=False)
 class KickingChain:
@@ -138,16 +147,6 @@ def with_angles(robot: Leg) -> Leg:
     model = robot.workspace.model
     has_continuous = (2, 1) in zip(model.nqs, model.nvs, strict=True)
     return robot.with_model(angle_model(robot.model)) if has_continuous else robot
-
-
-SOLE_THICKNESS = 2e-3
-"""Height above the lowest point of a foot up to which its shapes count as its sole [m]."""
-
-NARROW = 0.02
-"""Width of a sole below which the foot may stand on another face of its shapes [m]."""
-
-MOST_TILT = np.radians(30.0)
-"""Largest angle of a sole to the ground while all joints are at 0 [rad]."""
 
 
 class StandingRobot:

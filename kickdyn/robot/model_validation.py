@@ -181,14 +181,21 @@ def _check_limits(model: Any) -> None:
 def cholesky_with_condition(inertia: Array) -> tuple[Array, float]:
     r"""Return the Cholesky factor L of M, its upper triangle unused, and a bound on the condition.
 
-    The condition of M, scaled to unit diagonal, is below :math:`n^2 \operatorname{tr} M\,|M^{-1}|`
-    (van der Sluis 1969). If M is not positive definite, the factor is 0 and the bound inf.
+    If M is not positive definite, the factor is 0 and the bound inf. Scaled to unit diagonal, M
+    has eigenvalues that add up to n, so its condition is below :math:`n^{1.5} e / \det`; if many
+    joints make that too large, it is below :math:`n^2 \operatorname{tr} M\,|M^{-1}|` (van der Sluis
+    1969).
     """
     factor, info = lapack.dpotrf(inertia.T, lower=1, clean=0)
     if info:
         return np.zeros_like(factor), math.inf
-    reciprocal, _ = lapack.dpocon(factor, sum(inertia.diagonal().tolist()), uplo="L")
-    return factor, len(inertia) ** 2 / float(reciprocal) if reciprocal else math.inf
+    diagonal, n = inertia.diagonal().tolist(), len(inertia)
+    roots = factor.diagonal().tolist()
+    determinant = math.prod([a * a / b for a, b in zip(roots, diagonal, strict=True)])
+    if determinant > 1e-9:  # far below 1 it is rounding
+        return factor, n**1.5 * math.e / determinant
+    reciprocal, _ = lapack.dpocon(factor, sum(diagonal), uplo="L")
+    return factor, n * n / float(reciprocal) if reciprocal else math.inf
 
 
 def singularity_fault(model: Any, inertia: Array, condition: float) -> str:

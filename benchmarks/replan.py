@@ -33,7 +33,7 @@ from kickdyn.planning.moving_kick import Interceptor
 from kickdyn.planning.problem import Bounds, Function, Kind
 from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions
 from kickdyn.robot.ground_clearance import find_depths
-from kickdyn.robot.kicking_chain import rest_configuration
+from kickdyn.robot.standing import rest_configuration
 
 BALL, AIR = kd.Ball(), kd.Air()
 TURF = "turf"

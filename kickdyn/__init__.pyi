@@ -56,12 +56,12 @@ from .planning.passes import Pass as Pass
 from .planning.passes import plan_pass as plan_pass
 from .planning.reach import reach as reach
 from .robot.constraints import Support as Support
-from .robot.drives import Drive as Drive
 from .robot.foot_surfaces import FootSurface as FootSurface
 from .robot.foot_surfaces import foot_surfaces as foot_surfaces
 from .robot.foot_surfaces import kick_with as kick_with
 from .robot.leg import Leg as Leg
 from .robot.leg import Posture as Posture
+from .robot.leg_model import Drive as Drive
 from .scene.pitch import Wall as Wall
 from .scene.scene import Compliance as Compliance
 from .scene.scene import Scene as Scene

@@ -44,7 +44,7 @@ ARGUMENT = re.compile(
     "Air|Ball|BallState|Contact|Goal|Ground|Leg|Plane|Posture|Scene|Surface|Track"
 )
 SKIPPED = re.compile(
-    "_.*|.*_sha256|approach|articulated_bodies|constraint_projector|evaluations|file|history|html"
+    "_.*|.*_sha256|approach|constraint_projector|evaluations|file|history|html"
     "|iterations|kickdyn_version|leg_response|model|pages|response|rounding|scenes|seconds"
     "|solution|source|viewer|workspace"
 )  # attributes and keys that vary from run to run, or are steps on the way to a result

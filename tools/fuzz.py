@@ -469,8 +469,7 @@ def run_mesh(text: str, folder: Path) -> bool:
     import numpy as np
 
     import kickdyn as kd
-    from kickdyn.robot.package_files import PackageFiles
-    from kickdyn.robot.visuals import read_mesh
+    from kickdyn.robot.robot_file import PackageFiles, read_mesh
 
     ending, _, body = text.partition("\n")
     ending = ending.strip() if ending.strip() in ("obj", "ply", "stl") else "dae"

@@ -24,18 +24,18 @@ from kickdyn.identification.segments import segments
 from kickdyn.identification.track import LARGEST_FILE, METRES, Track, c3d_content
 from kickdyn.robot.catalog import TOE
 from kickdyn.robot.constraints import Support, find_open_loops
-from kickdyn.robot.drives import load_drives
 from kickdyn.robot.foot_surfaces import kick_with
 from kickdyn.robot.ground_clearance import body_frames, find_unread
 from kickdyn.robot.leg import Leg, read_leg
+from kickdyn.robot.leg_model import load_drives
 from kickdyn.robot.mjcf_file import body_name, is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import facing_doubts
 from kickdyn.robot.names import FOOT_WORDS, listed
+from kickdyn.robot.robot_file import RobotFile
 from kickdyn.robot.standing import StandingRobot, joint_spheres
 from kickdyn.robot.surgery import has_floating_base
 from kickdyn.robot.urdf_file import build_model, read_urdf
-from kickdyn.robot.visuals import RobotFile
 from kickdyn.scene.toml_reader import load_scene
 
 AXES = {"x": (1.0, 0.0), "y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}

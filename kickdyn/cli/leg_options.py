@@ -19,9 +19,9 @@ from kickdyn.robot.catalog import DESCRIPTION, ROBOTS
 from kickdyn.robot.constraints import Support, read_support
 from kickdyn.robot.foot_surfaces import load_with_surface
 from kickdyn.robot.joint_table import InDegrees
-from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg, read_leg
 from kickdyn.robot.model_validation import frame_id
+from kickdyn.robot.standing import kicking_chain
 from kickdyn.robot.urdf_file import shipped_urdf
 
 SHIPPED = {"human": "leg_human.urdf", "testbed": "leg_testbed.urdf"}

@@ -23,13 +23,6 @@ from kickdyn.identification.track import (
     with_gaps,
 )
 
-CENTRE_STEPS = 10
-"""Gauss-Newton steps to the centre of a ball."""
-
-CENTRE_MISFIT = 0.05
-"""Largest accepted distance of a marker from the surface of the ball, over its radius."""
-
-
 TRANSLATION = re.compile(r"_t[xyz](/value|/speed)?$", re.IGNORECASE)
 """End of the name of a coordinate that is a length."""
 
@@ -113,12 +106,7 @@ class BodyTrack(ReprMixin):
 
     @validation.check_arguments
     def find_marker(self, name: str) -> int:
-        """Return the number of a marker.
-
-        The prefix of a subject may be left out: `RASI` finds `Anna:RASI`.
-
-        Args:
-            name: name of the marker.
+        """Return the number of a marker; `RASI` finds `Anna:RASI`, if no other subject has it.
 
         Raises:
             InvalidInput: no marker of this name, or several with different prefixes.
@@ -138,8 +126,8 @@ class BodyTrack(ReprMixin):
             radius: distance of these markers from the centre of the ball [m].
 
         Raises:
-            InvalidInput: an unknown marker; markers that are not seen in any frame; several markers
-                that are fewer than four, without a radius, or not on a sphere of this radius.
+            InvalidInput: an unknown marker or one that is never seen; several markers that are
+                fewer than four, without a radius, or not on a sphere of this radius.
         """
         paths = self.positions[:, [self.find_marker(label) for label in (name, *others)]]
         if others:
@@ -173,10 +161,7 @@ class BodyTrack(ReprMixin):
     @classmethod
     @validation.check_arguments
     def from_c3d(cls, file: str | PathLike[str], *, up: str = "z") -> "BodyTrack":
-        """Read all markers of a C3D file.
-
-        Needs ezc3d, `pip install "kickdyn[c3d]"`. Positions are converted to metres by the unit
-        that the file names.
+        """Read all markers of a C3D file, as `Track.from_c3d` reads one.
 
         Args:
             file: the file, up to 64 MB.
@@ -194,10 +179,9 @@ class BodyTrack(ReprMixin):
     @classmethod
     @validation.check_arguments
     def from_trc(cls, file: str | PathLike[str], *, up: str = "y") -> "BodyTrack":
-        """Read all markers of a TRC file, as OpenSim, Pose2Sim and OpenCap write it.
+        """Read all markers of a TRC file, as OpenSim, Pose2Sim and OpenCap write it, in metres.
 
-        Empty cells and nan are gaps. Positions are converted to metres by the unit in the file.
-        Markers without a name are left out.
+        Empty cells and nan are gaps. Markers without a name are left out.
 
         Args:
             file: the file, text up to 64 MB.
@@ -287,10 +271,7 @@ def _with_gaps(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 
 def _centre(points: Array, radius: float) -> Array:
-    """Return the centre of the sphere through points, `(n, 3)`; NaN if fewer than four are seen.
-
-    Raises `InvalidInput` if their distances from it differ from the radius.
-    """
+    """Return the centre of the sphere through points, `(n, 3)`; NaN if fewer than four are seen."""
     seen = points[np.isfinite(points).all(axis=1)]
     if len(seen) < 4:
         return np.full(3, np.nan)
@@ -299,14 +280,15 @@ def _centre(points: Array, radius: float) -> Array:
     squares = (offsets**2).sum(axis=1)
     # equal distances are linear in the centre; the radius then corrects it by Gauss-Newton steps
     centre = np.linalg.lstsq(2.0 * offsets, squares - squares.mean(), rcond=None)[0]
-    for _ in range(CENTRE_STEPS):
+    for _ in range(10):  # Gauss-Newton steps
         lever = centre - offsets
         distances = np.sqrt((lever**2).sum(axis=1))
         if not distances.all():  # the markers are one point
             break
         centre = centre - np.linalg.lstsq(lever / distances[:, None], distances - radius)[0]
     misfit = float(np.abs(np.sqrt(((centre - offsets) ** 2).sum(axis=1)) - radius).max())
-    if not misfit <= CENTRE_MISFIT * radius:
+    # largest accepted distance of a marker from the surface of the ball, over its radius
+    if not misfit <= 0.05 * radius:
         raise InvalidInput(
             f"the markers are up to {1000.0 * misfit:.3g} mm from a sphere of radius {radius:g} m: "
             "check the radius, and that all of them are on the ball and not in one plane"
@@ -325,19 +307,12 @@ def _split(line: str) -> list[str]:
 
 
 def _table(
-    source: str,
-    lines: list[str],
-    begin: int,
-    width: int,
-    time: int,
-    *,
-    is_ragged: bool = False,
+    source: str, lines: list[str], begin: int, width: int, time: int, *, is_ragged: bool = False
 ) -> Array:
     """Return the numbers of lines of text, shape `(n, width)`; empty cells are NaN.
 
     `begin` is the first of these lines, and `time` the column of the times. Only between tabs can
-    cells be empty. Lines with more or fewer cells are refused; in a ragged table, more are left
-    out, and fewer are empty at the end.
+    cells be empty. In a ragged table, surplus cells are left out, and missing ones are empty.
     """
     rows, numbers = [], []
     for number, line in enumerate(lines[begin:], start=begin + 1):

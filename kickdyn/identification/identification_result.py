@@ -41,7 +41,7 @@ SMALL_SHARE = 0.05
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification(ReprMixin):
-    r"""Launch, spin, drag, lift and wind of a measured flight, with their uncertainty.
+    """Launch, spin, drag, lift and wind of a measured flight, with their uncertainty.
 
     Names of the unknowns: `x`, `y`, `z` [m] and `vx`, `vy`, `vz` [m/s] at the first sample;
     `back_spin`, `side_spin` (positive bends the flight to the left) and `gyro_spin` (about the
@@ -51,16 +51,15 @@ class Identification(ReprMixin):
         track: the measured track.
         ball: the ball.
         air: the air, with the fitted coefficients and wind.
-        launch: the state of the ball at the first sample. The spin has all three components; those
-            that the measurement does not determine are the most probable ones.
+        launch: the state of the ball at the first sample; components of the spin that the
+            measurement does not determine are the most probable ones.
         names: names of the unknowns.
         estimates: estimates of the unknowns, shape `(p,)`.
         covariance: covariance of the estimates, shape `(p, p)`.
         residuals: fitted less measured positions, shape `(n, 3)` [m].
         used: which samples count, shape `(n,)`; the others are outliers.
         noise: standard deviation of one measured coordinate [m].
-        widening: factor by which the deviations are larger than for independent samples,
-            because neighbouring residuals are correlated.
+        widening: factor on the deviations because neighbouring residuals are correlated.
         curved: unknowns whose deviations are larger than in a linear fit, because the sum of
             squares is not quadratic around the estimate.
     """
@@ -95,9 +94,8 @@ class Identification(ReprMixin):
     def undetermined(self) -> dict[str, str]:
         """The unknowns that the measurement does not determine, each with the reason.
 
-        Their standard deviation is above `LARGEST_DEVIATION`, or above both half the value and
-        `SMALL_SHARE` of `LARGEST_DEVIATION`, such as 1 rad/s of a spin or 0.005 of a drag
-        coefficient.
+        Their deviation is above `LARGEST_DEVIATION`, or above both half the value and `SMALL_SHARE`
+        of it.
         """
         reasons = {}
         deviations = np.sqrt(np.diag(self.covariance)).tolist()
@@ -149,36 +147,25 @@ class Identification(ReprMixin):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Lines about what to know before using the numbers; empty if there is nothing."""
-        lines = []
-        if self.rms > self.ball.radius:
-            lines.append(
-                f"the fit misses the positions by {self.rms:.2g} m, more than the ball's radius: "
-                "they may not be one flight, without a bounce, in metres and seconds with z up"
-            )
         drag = self.values.get("drag", self.values.get("drag_scale", 0.0))
-        if drag < 0.0:
-            lines.append(
-                f"drag is {drag:.2g}, below 0, as if the air pushed the ball: wind, a touch within "
-                "the flight, or positions that are not in metres can cause this"
-            )
-        if self.undetermined:
-            lines.append(f"not determined by the measurement: {', '.join(self.undetermined)}")
-        if self.curved:
-            lines.append(
-                "the sum of squares is not quadratic around the estimate: the standard deviations "
-                f"of {', '.join(self.curved)} were increased to match it"
-            )
-        if self.widening > 1.0:
-            lines.append(
-                "neighbouring residuals are correlated, as in smoothed tracks: the standard "
-                f"deviations are increased by a factor of {self.widening:.2g}"
-            )
-        if self.outliers:
-            lines.append(
-                f"{self.outliers} of {self.used.size} samples are outliers and were left out"
-            )
         falling = -float(mean_acceleration(self.track)[2])
-        return (*lines, *doubts_of_track(self.track, falling), *self.flight.warnings)
+        lines = {
+            f"the fit misses the positions by {self.rms:.2g} m, more than the ball's radius: "
+            "they may not be one flight, without a bounce, in metres and seconds with z up":
+                self.rms > self.ball.radius,
+            f"drag is {drag:.2g}, below 0, as if the air pushed the ball: wind, a touch within "
+            "the flight, or positions that are not in metres can cause this": drag < 0.0,
+            f"not determined by the measurement: {', '.join(self.undetermined)}":
+                self.undetermined,
+            "the sum of squares is not quadratic around the estimate: the standard deviations "
+            f"of {', '.join(self.curved)} were increased to match it": self.curved,
+            "neighbouring residuals are correlated, as in smoothed tracks: the standard "
+            f"deviations are increased by a factor of {self.widening:.2g}": self.widening > 1.0,
+            f"{self.outliers} of {self.used.size} samples are outliers and were left out":
+                self.outliers,
+        }  # fmt: skip
+        doubts = doubts_of_track(self.track, falling)
+        return (*(line for line, holds in lines.items() if holds), *doubts, *self.flight.warnings)
 
     @styled()
     def plot(self) -> Any:
@@ -203,13 +190,11 @@ class Identification(ReprMixin):
 
 
 class FlightMean(NamedTuple):
-    """The mean of a value over flights that were fitted one by one.
+    """The mean of a value over flights that were fitted one by one, by `weighted_mean`.
 
     Attributes:
-        mean: weighted by the variances of the values and of the scatter.
-        deviation: its standard error.
-        scatter: standard deviation of the value from flight to flight, beyond what the standard
-            deviations of the flights explain; 0 where they explain all.
+        mean, deviation: the mean and its standard error.
+        scatter: standard deviation from flight to flight beyond the flights' own deviations.
         flights: number of flights that determine the value.
         slowest, fastest: lowest and highest mean speed of these flights [m/s].
     """

@@ -34,12 +34,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import INCREMENT, fly_with_slopes
 from kickdyn.identification.identification_result import UNITS, Identification, covariance
-from kickdyn.identification.track import (
-    Track,
-    check_samples,
-    mean_acceleration,
-    refuse_units,
-)
+from kickdyn.identification.track import Track, check_samples, mean_acceleration, refuse_units
 from kickdyn.planning.problem import keep_last
 
 LONGEST_FLIGHT = 30.0
@@ -49,15 +44,9 @@ SPIN_SPREAD = 100.0
 """Order of magnitude of a spin [rad/s]: five professionals' curling free kicks have 106 rad/s on
 average (Passmore et al. 2012)."""
 
-FIRST_SPINS = (20.0, 80.0)
-"""Spins from which a fit starts [rad/s]."""
-
 OUTLIER = 4.5
 """Residuals of more than this many standard deviations are left out: in normally distributed noise
 seven of a million are."""
-
-LEAST_USED_FRACTION = 0.9
-"""Fraction of the samples that are used at least."""
 
 FINEST_TOL, COARSEST_TOL = 1e-10, 1e-7
 """Relative tolerances of the integration: the least, and the first one."""
@@ -68,9 +57,6 @@ which one of a profile ends; and the robust one, which only chooses the outliers
 
 FAILED_RESIDUAL = 1e6
 """Residual where no flight can be integrated [m]: no step of a solver ends there."""
-
-FIRST_DRAG = 0.2
-"""First guess of a constant C_D: its value above the drag crisis (Goff & Carre 2009)."""
 
 PROFILED, LARGEST_BEND = 2.0, 2.0
 """Distance from the estimate at which a profile is taken, in standard deviations; and the factor
@@ -111,17 +97,12 @@ Evaluation = tuple[Array, Array]
 
 @validation.check_arguments
 def identify(
-    track: Track,
-    ball: Ball,
-    air: Air | None = None,
-    *,
-    free: Iterable[str] = ("spin", "drag"),
+    track: Track, ball: Ball, air: Air | None = None, *, free: Iterable[str] = ("spin", "drag")
 ) -> Identification:
-    r"""Return the flight that best fits measured positions, with standard deviations.
+    """Return the flight that best fits measured positions, with standard deviations.
 
     `scipy.optimize.least_squares` fits the equations of motion to the positions, first with a loss
-    that outliers hardly move (soft L1), then, without the outliers, in the sense of least squares.
-    The derivatives come from `fly_with_slopes`.
+    that outliers hardly move (soft L1), then without the outliers.
 
     Args:
         track: positions in one flight, from after its start to before its end, without a bounce.
@@ -133,8 +114,8 @@ def identify(
             components.
 
     Raises:
-        InvalidInput: fewer than 5 positions, samples a second or more apart, positions that are no
-            flight in metres, or a wrong argument.
+        InvalidInput: fewer than 5 positions, samples a second or more apart, or no flight in
+            metres.
         KickdynError: no flight could be fitted.
     """
     _check_flight(track)
@@ -153,10 +134,9 @@ def identify(
 
 
 class _Problem(NamedTuple):
-    """A measured track and its unknowns.
+    """A measured track and its unknowns, in world axes.
 
-    The unknowns are position, velocity and, if sought, spin at the first sample, in world axes,
-    then coefficients and wind.
+    They are position, velocity and, if sought, spin at the first sample, then those of the air.
     """
 
     track: Track
@@ -183,10 +163,7 @@ class _Problem(NamedTuple):
         return slice(len(LAUNCH), len(self.names) - len(self.air_names))
 
     def spin_rows(self, spread: float) -> Array:
-        """Return the rows that weigh the spin against its usual size, none where it is 0.
-
-        The spread is the standard deviation of a residual [m].
-        """
+        """Return rows that weigh a spin against its usual size; residuals deviate by `spread`."""
         return np.asarray(np.eye(len(self.names))[self.spin_columns] * spread / SPIN_SPREAD)
 
     def turn(self, unknowns: Array) -> Array:
@@ -214,10 +191,7 @@ class _Problem(NamedTuple):
         return state, replace(self.air, **changes)
 
     def evaluate(self, tol: float, unknowns: Array) -> Evaluation:
-        """Return residuals and their derivatives, or raise `KickdynError` where a flight fails.
-
-        The flight is differentiated by all unknowns but the position, which only shifts it.
-        """
+        """Return residuals and their derivatives, or raise `KickdynError` where a flight fails."""
         track, position, parameters = self.track, unknowns[:3], unknowns[3:]
         fastest = float(np.linalg.norm(np.ptp(track.positions, axis=0))) / track.duration + 10.0
         of_air = unknowns[self.spin_columns.stop :]
@@ -251,9 +225,8 @@ class _Estimate(NamedTuple):
 def flight_axes(velocity: Array) -> Array:
     r"""Return the axes of back spin, side spin and gyro spin as columns, shape `(3, 3)`.
 
-    With the unit vector :math:`t` along the velocity and :math:`l` horizontal, to its left: back
-    spin turns about :math:`-l` and lifts the ball, side spin about :math:`t \times l` and bends the
-    flight to the left, gyro spin about :math:`t`.
+    Back spin turns about the right, and lifts the ball; gyro spin about the velocity :math:`t`;
+    side spin about :math:`t \times l` with :math:`l` to the left, and bends the flight to the left.
     """
     speed = float(np.linalg.norm(velocity))
     along = velocity / speed if speed > 0.0 else np.array([1.0, 0.0, 0.0])
@@ -304,8 +277,10 @@ def _first_guess(problem: _Problem) -> Array:
         axis = np.cross(
             launch[3:6], mean_acceleration(problem.track) + np.array([0.0, 0.0, GRAVITY])
         )
-        spins = [size * axis / max(float(np.linalg.norm(axis)), 1e-300) for size in FIRST_SPINS]
-    guesses = {"drag": FIRST_DRAG, "drag_scale": 1.0, "lift_scale": 1.0}
+        # spins from which a fit starts [rad/s]
+        spins = [size * axis / max(float(np.linalg.norm(axis)), 1e-300) for size in (20.0, 80.0)]
+    # first guess of a constant C_D: its value above the drag crisis (Goff & Carre 2009)
+    guesses = {"drag": 0.2, "drag_scale": 1.0, "lift_scale": 1.0}
     if Free.WIND in problem.sought:
         guesses["wind_x"], guesses["wind_y"], _ = np.asarray(problem.air.wind).tolist()
     of_air = [guesses[name] for name in problem.air_names]
@@ -325,7 +300,8 @@ def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
         spread = max(1.4826 * float(np.median(np.abs(residuals))), 100.0 * FINEST_TOL * length)
         farthest = np.abs(residuals).reshape(-1, 3).max(axis=1)
         # where more samples are far off, the model does not describe the flight
-        limit = max(OUTLIER * spread, float(np.quantile(farthest, LEAST_USED_FRACTION)))
+        # fraction of the samples that are used at least
+        limit = max(OUTLIER * spread, float(np.quantile(farthest, 0.9)))
         used_before, used = used, np.repeat(farthest <= limit, 3)
         tol_before, tol = tol, min(max(1e-3 * spread / length, FINEST_TOL), COARSEST_TOL)
         if np.array_equal(used_before, used) and tol == tol_before:
@@ -337,10 +313,7 @@ def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
 
 
 def _polynomial(track: Track) -> tuple[Array, float]:
-    """Return a first guess of position and velocity, shape `(6,)`, and of the noise [m].
-
-    They come from polynomials in time, fitted without the samples that are far from them.
-    """
+    """Return a guess of position and velocity, `(6,)`, and of the noise [m], by polynomials."""
     times = (track.times - track.times[0]) / track.duration
     degree = 2 if len(track) < 9 else 3 if len(track) < 30 else 5
     inliers = np.ones(len(track), dtype=bool)
@@ -365,9 +338,9 @@ def _minimise(
 ) -> tuple[float, Array]:
     """Return the least cost and the unknowns.
 
-    The residuals are `used` ones of `evaluate`, and the products of the prior rows with
-    the unknowns, less `targets`. Where there is no flight `evaluate` raises `KickdynError`, which
-    ends the fit at its start, and is avoided later.
+    The residuals are `used` ones of `evaluate`, and prior rows times the unknowns, less `targets`.
+    Where there is no flight, `evaluate` raises `KickdynError`, which ends the fit at its start
+    only.
     """
     residuals, slopes = evaluate(start)
     failed = np.full(residuals.size, FAILED_RESIDUAL), slopes
@@ -421,7 +394,7 @@ def _profiled(
     r"""Return the factor on the deviations, 1 or more, and a lower minimum if there is one.
 
     The sum of squares over :math:`\sigma^2` exceeds its minimum by :math:`k^2` at k deviations of
-    an unknown, with all others at their best, if it is quadratic. Where it is not, the deviation is
+    an unknown, with all others at their best, if it is quadratic. If it is not, the deviation is
     half the distance at which the excess is 4 (the profile likelihood), or more.
     """
     spread = result.noise * result.widening

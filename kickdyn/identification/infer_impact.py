@@ -28,8 +28,13 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, NoImpact
-from kickdyn.identification.contact_moment import BALL_WINDOW, FLIES_AFTER, ball_side
-from kickdyn.identification.leg_motion import ContactMotion, LegMotion
+from kickdyn.identification.leg_motion import (
+    BALL_WINDOW,
+    FLIES_AFTER,
+    ContactMotion,
+    LegMotion,
+    ball_side,
+)
 from kickdyn.identification.track import Track
 from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.robot.leg import Posture
@@ -55,22 +60,19 @@ class InferredImpact(ReprMixin):
     """An impact that is inferred from the measured motion of the ball before and after it.
 
     Attributes:
-        posture: posture of the leg; the leg takes the impulse at its contact point.
+        posture: posture of the leg, which takes the impulse at its contact point.
         v_before: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: the ball.
-        ball_before: state of the ball just before.
-        ball_after: state of the ball just after.
+        ball_before, ball_after: states of the ball just before and just after.
         impulse: impulse on the ball, shape `(3,)` [N s, world frame].
-        normal: unit vector from the contact point to the centre of the ball, shape `(3,)`
-            [world frame].
+        normal: unit vector from the contact point to the centre of the ball, shape `(3,)` [world
+            frame].
         residual: the part of the ball's change of angular momentum along the impulse, which no
             impulse at one point explains, relative to radius times impulse; 0 or more.
         deviations: standard deviations of `restitution`, `friction`, `normal` (an angle [rad]),
             `residual`, `effective_mass` [kg], and of the sizes `impulse` [N s], `foot_speed` and
-            `ball_speed` (after the impact) [m/s], propagated from the measured velocities; empty
-            without deviations of these.
-        joint_deviations: standard deviations of the size of the linear impulse in each joint, by
-            name [N s]; empty without deviations.
+            `ball_speed` (after the impact) [m/s]; empty if the velocities have none.
+        joint_deviations: likewise of the linear impulse in each joint, by name [N s].
         notes: quantities that the measurement does not determine.
     """
 
@@ -136,12 +138,10 @@ class InferredImpact(ReprMixin):
 
     @property
     def friction(self) -> float:
-        r"""Ratio of the impulses across the normal n and along it.
+        r"""Ratio :math:`|p - (n \cdot p)\, n| / (n \cdot p)` of the impulses across and along n.
 
-        .. math:: |p - (n \cdot p)\, n| / (n \cdot p)
-
-        It is the least coefficient of friction that allows the impulse; where the contact points
-        slid throughout, it is the coefficient.
+        It is the least coefficient of friction that allows the impulse; if the contact points slid
+        throughout, it is the coefficient.
         """
         along = float(self.normal @ self.impulse)
         return float(np.linalg.norm(self.impulse - along * self.normal)) / along
@@ -149,33 +149,26 @@ class InferredImpact(ReprMixin):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Lines about what to know before using the numbers; empty if there is nothing."""
-        lines = list(self.notes)
         deviation = self.deviations.get("residual", 0.0)
-        if self.residual > (3.0 * deviation or LARGEST_IMPULSE_RESIDUAL):
-            spread = f" +- {100 * deviation:.2g}" if deviation else ""
-            lines.append(
-                f"the residual is {100 * self.residual:.2g}{spread} % of radius times impulse: an "
-                "impulse at one point does not explain the change of spin; check the spins"
-            )
+        spread = f" +- {100 * deviation:.2g}" if deviation else ""
         margin = 1e-9 + 3.0 * self.deviations.get("restitution", 0.0)
-        if not -margin <= self.restitution <= 1.0 + margin:
-            lines.append(
-                f"restitution is {self.restitution:.3g}, outside 0 to 1: posture, joint velocity "
-                "and ball are inconsistent, or the sliding changed during the contact"
-            )
         distance = float(np.linalg.norm(self.contact_point - self.posture.contact_point))
-        if distance > LARGEST_CONTACT_DISTANCE * self.ball.radius:
-            lines.append(
-                f"the contact point on the ball is {distance:.2g} m from the contact point of the "
-                "posture, where the leg takes the impulse"
-            )
-        return (*lines, *self.posture.warnings, *self.ball.warnings)
+        lines = {
+            f"the residual is {100 * self.residual:.2g}{spread} % of radius times impulse: an "
+            "impulse at one point does not explain the change of spin; check the spins":
+                self.residual > (3.0 * deviation or LARGEST_IMPULSE_RESIDUAL),
+            f"restitution is {self.restitution:.3g}, outside 0 to 1: posture, joint velocity "
+            "and ball are inconsistent, or the sliding changed during the contact":
+                not -margin <= self.restitution <= 1.0 + margin,
+            f"the contact point on the ball is {distance:.2g} m from the contact point of the "
+            "posture, where the leg takes the impulse":
+                distance > LARGEST_CONTACT_DISTANCE * self.ball.radius,
+        }  # fmt: skip
+        doubts = (line for line, holds in lines.items() if holds)
+        return (*self.notes, *doubts, *self.posture.warnings, *self.ball.warnings)
 
     def plot(self) -> Any:
-        """Return a matplotlib Figure of the linear impulses in the joints, as `Impact.plot`.
-
-        Error bars show one standard deviation to each side, where deviations are known.
-        """
+        """Return a matplotlib Figure of the joints' linear impulses, with standard deviations."""
         from kickdyn.core.plot_style import joint_figure
 
         return joint_figure(self.joint_sizes, self.joint_deviations)
@@ -197,13 +190,8 @@ class InferredImpact(ReprMixin):
         sizes = self.joint_sizes
         worst = max(sizes, key=sizes.__getitem__)
         yield f"worst joint, {worst}", sizes[worst], "N s"
-        for name, size in sizes.items():
-            if name in self.joint_deviations:
-                yield (
-                    f"impulse in {name}",
-                    f"{size:.4g} +- {self.joint_deviations[name]:.2g}",
-                    "N s",
-                )
+        for name, deviation in self.joint_deviations.items():
+            yield f"impulse in {name}", f"{sizes[name]:.4g} +- {deviation:.2g}", "N s"
         yield from warned(self.warnings)
 
 
@@ -222,19 +210,17 @@ def infer_impact(
 ) -> InferredImpact:
     r"""Return the impulse of a kick, and the contact that explains it, from the ball's motion.
 
-    The impulse is :math:`p = m (v_b^+ - v_b)`; no coefficient of restitution or friction is
-    assumed. The normal is the one for which p, at one point of the ball's surface, turns the ball
-    as measured: :math:`I_b (\omega_b^+ - \omega_b) = -r\, n \times p`. The leg takes -p at the
-    contact point of the posture. Deviations are carried through by differences of one standard
-    deviation, all components independent.
+    The impulse is :math:`p = m (v_b^+ - v_b)`, and the normal the one for which p, at one point of
+    the ball's surface, turns the ball as measured, :math:`I_b (\omega_b^+ - \omega_b) = -r\, n
+    \times p`. Deviations are carried through by differences of one standard deviation, all
+    components independent.
 
     `infer_impact(motion, track)` takes posture, joint velocity and their covariance from the motion
-    of the leg just before the contact, and the velocities of the ball from quadratics through its
-    positions before and after. Positions do not show the spin, which is taken to be 0 before. The
-    coefficient of friction is taken to be uniformly distributed from 0 to 0.63, and the points of
-    contact stick where it suffices. Spin, normal, friction, restitution and effective mass are
-    those with the mean of the friction that is used, and the deviations are so large that 95 %
-    intervals include an impact without friction.
+    of the leg just before the contact, and the ball's velocities from quadratics through its
+    positions before and after. Positions do not show the spin, which is 0 before. The coefficient
+    of friction is uniformly distributed from 0 to 0.63, and the points of contact stick if it
+    suffices. What depends on it has the value for the mean of the friction that is used, with
+    deviations so large that 95 % intervals include an impact without friction.
 
     Args:
         posture: posture of the leg in the impact, whose contact point touched the ball; or the
@@ -242,15 +228,12 @@ def infer_impact(
         v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints]; with a
             motion, the `Track` of the ball, on the same clock and in the same frame.
         ball: the ball; its mass, radius and inertia count. With a motion, None is a ball of size 5.
-        ball_before: measured state just before; its position is the centre of the ball
-            [m, world frame].
+        ball_before: measured state just before; its position is the ball's centre [m, world frame].
         ball_after: measured state just after.
         velocity_deviation: standard deviation of each component of the ball's velocity [m/s]: a
             number, or shape `(2,)`, before and after.
-        spin_deviation: standard deviation of each component of its spin [rad/s]: a number, or shape
-            `(2,)`, before and after.
-        joint_deviation: standard deviation of the joint velocity, a number or shape `(nv,)`
-            [rad/s; m/s].
+        spin_deviation: likewise of its spin [rad/s].
+        joint_deviation: likewise of the joint velocity, a number or shape `(nv,)` [rad/s; m/s].
         contact: with a motion, the time of the contact [s], or time and standard deviation; None
             takes the motion's.
 
@@ -271,14 +254,10 @@ def infer_impact(
     count = posture.leg.nv
     speed = validation.vector("v", v, count, unit="rad/s or m/s")  # type: ignore[arg-type]
     posture.check_velocity(speed)
-    noise = np.concatenate(
-        [
-            np.repeat(_deviations("velocity deviation", velocity_deviation, 2), 3),
-            np.repeat(_deviations("spin deviation", spin_deviation, 2), 3),
-            np.zeros(count),
-            _deviations("joint deviation", joint_deviation, count),
-        ]
-    )
+    of_velocity = np.repeat(_deviations("velocity deviation", velocity_deviation, 2), 3)
+    of_spin = np.repeat(_deviations("spin deviation", spin_deviation, 2), 3)
+    of_joints = _deviations("joint deviation", joint_deviation, count)
+    noise = np.concatenate([of_velocity, of_spin, np.zeros(count), of_joints])
     steps = np.diag(noise)[noise > 0.0]
     return _with_deviations(posture, speed, ball, (ball_before, ball_after), steps)
 
@@ -320,11 +299,11 @@ def _spins_by_friction(
 ) -> tuple[Array, float]:
     r"""Return the least, mean and largest spin by an unknown friction, and the largest friction.
 
-    With the velocity u after the impact of the ball's centre relative to the foot, that of its
-    contact point is :math:`(u + r^2 p / I)_t`, the part across the normal n. Friction is opposite
-    to it, or it is 0 where the points stick, so that n is in the plane of p and u: at an angle
-    :math:`\theta` to p, from 0 without friction to the direction of :math:`u + r^2 p / I`, where
-    the points stick. The spin is :math:`(r |p| / I) \sin\theta`, about the normal of that plane.
+    With the ball's velocity u relative to the foot after the impact, that of its contact point is
+    :math:`(u + r^2 p / I)_t`, the part across the normal n. Friction is opposite to it, or the
+    points stick: n is in the plane of p and u, at an angle :math:`\theta` to p, from 0 without
+    friction to the direction of :math:`u + r^2 p / I`. The spin is :math:`(r |p| / I) \sin\theta`,
+    about the plane's normal.
     """
     impulse = ball.mass * (v_ball_after - v_ball)
     size = float(validation.length(impulse))
@@ -364,8 +343,8 @@ def _with_deviations(
     """Return the impact of measured velocities, with deviations.
 
     Each row of `steps` is an independent change of one standard deviation: of the velocities of the
-    ball before and after, of its spins, of q in its tangent space, and of v. `ends` are changes to
-    the ends of what else is possible, which intervals of 95 % include.
+    ball before and after, of its spins, of q in its tangent space, and of v. Intervals of 95 %
+    include the changes `ends`.
     """
     leg, (ball_before, ball_after) = posture.leg, states
     velocities = [ball_before.velocity, ball_after.velocity, ball_before.spin, ball_after.spin]
@@ -396,25 +375,19 @@ def _with_deviations(
         impact, twist = inferred_from(measured + change)
         joints = impact.joint_sizes.values()
         foot, ball_speed = np.linalg.norm(impact.foot_velocity), impact.ball_after.speed
-        sizes = [np.linalg.norm(impact.impulse), foot, ball_speed, impact.effective_mass]
-        numbers = [impact.restitution, impact.friction, twist, *impact.normal]
-        return np.array([*numbers, *sizes, *joints], dtype=float)
+        numbers = [impact.restitution, impact.friction, twist, np.linalg.norm(impact.impulse)]
+        numbers += [foot, ball_speed, impact.effective_mass]
+        return np.array([*numbers, *impact.normal, *joints], dtype=float)
 
     changes = [0.5 * (values(step) - values(-step)) for step in steps]
     at_ends = [np.abs(values(end) - values(np.zeros(end.size))) / COVERED for end in ends]
     if at_ends:
         changes.append(np.max(at_ends, axis=0))
-    restitution, friction, residual, *others = np.linalg.norm(changes, axis=0).tolist()
-    deviations = {
-        "restitution": restitution,
-        "friction": friction,
-        "normal": math.hypot(*others[:3]),
-        "residual": residual,
-        **dict(
-            zip(("impulse", "foot_speed", "ball_speed", "effective_mass"), others[3:7], strict=True)
-        ),
-    }
-    joints = dict(zip(inferred.joint_sizes, others[7:], strict=True))
+    sizes = np.linalg.norm(changes, axis=0).tolist()
+    names = "restitution", "friction", "residual", "impulse", "foot_speed", "ball_speed"
+    deviations = dict(zip((*names, "effective_mass"), sizes[:7], strict=True))
+    deviations["normal"] = math.hypot(*sizes[7:10])
+    joints = dict(zip(inferred.joint_sizes, sizes[10:], strict=True))
     return replace(inferred, deviations=deviations, joint_deviations=joints)
 
 
@@ -481,18 +454,17 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
     r"""Return restitution over approach speed as a table, fitted to several kicks.
 
     The table is the piecewise linear function of the approach speed that is nearest to the kicks'
-    restitutions in the sense of least squares, each kick counting the same; its knots are at
-    quantiles of their speeds, from the lowest to the highest. `Contact(restitution=fit.table)`
-    takes it, unless one of its restitutions is outside 0 to 1. With n kicks, k knots and the
-    residuals :math:`\rho`, the scatter is :math:`\sqrt{\sum \rho^2 / (n - k)}`.
+    restitutions in the sense of least squares; its knots are at quantiles of their speeds, from the
+    lowest to the highest. `Contact(restitution=fit.table)` takes it, unless one of its restitutions
+    is outside 0 to 1. With n kicks, k knots and the residuals :math:`\rho`, the scatter is
+    :math:`\sqrt{\sum \rho^2 / (n - k)}`.
 
     Args:
         impacts: several kicks, by `infer_impact`.
         knots: number of rows of the table: 1 gives a constant, 2 a straight line.
 
     Raises:
-        InvalidInput: a wrong argument, fewer than `knots + 1` kicks, or speeds that are too much
-            alike for so many knots.
+        InvalidInput: a wrong argument, fewer than `knots + 1` kicks, or speeds too much alike.
     """
     for i, impact in enumerate(impacts):
         validation.check_type(InferredImpact, **{f"impact {i}": impact})

@@ -8,6 +8,7 @@ import numpy as np
 
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
+from kickdyn.identification.identification_result import with_deviation
 from kickdyn.identification.infer_impact import InferredImpact
 
 
@@ -16,11 +17,10 @@ def kick_table(kicks: Mapping[str, InferredImpact], *, latex: bool = False) -> A
     r"""Return measured kicks as a table, a pandas `DataFrame`, with their standard deviations.
 
     Each row is a quantity with its unit. Each kick has two columns: its name, and its name with
-    `+-` for the standard deviations, NaN where none is known. `table.to_csv(file)` writes it.
+    `+-` for the standard deviations, NaN if unknown.
 
     Args:
-        kicks: impacts of the same leg, or of legs with joints of the same names, by name of the
-            kick.
+        kicks: impacts of legs with joints of the same names, by name of the kick.
         latex: whether to return the text of a LaTeX table instead, for the package booktabs, with
             entries such as :math:`0.648 \pm 0.008`.
 
@@ -75,8 +75,7 @@ def _entry(value: float, deviation: float) -> str:
     """Return a value with its deviation, or to four digits without one."""
     if not (math.isfinite(deviation) and deviation > 0.0):
         return f"${value:.4g}$"
-    decimals = max(1 - math.floor(math.log10(deviation)), 0)
-    return rf"${value:.{decimals}f} \pm {deviation:.{decimals}f}$"
+    return f"${with_deviation(value, deviation)}$".replace("+-", r"\pm")
 
 
 def _escaped(text: str) -> str:

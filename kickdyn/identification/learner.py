@@ -85,10 +85,7 @@ LEVEL = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "centre")
 
 
 class Shot(NamedTuple):
-    """A commanded launch or kick, and what was observed of it; None for what was not.
-
-    Landing, shape `(2,)`, and positions are from the launch [m], times since the kick [s].
-    """
+    """A command, and its landing `(2,)` [m], time [s] or track since the kick, or None."""
 
     command: BallState | KickPlan
     landing: Array | None
@@ -97,12 +94,12 @@ class Shot(NamedTuple):
 
 
 class Learner(ReprMixin):
-    r"""Finds the launch, or the kick, that meets a goal although the model is only approximate.
+    """Finds the launch, or the kick, that meets a goal although the model is only approximate.
 
     Carry out the `command`, and pass what the ball did to `observe`, until `is_done`. Without a
     leg, the command is a launch velocity :math:`v` for an assumed restitution :math:`e_0`, so that
-    the ball leaves with the velocity :math:`v (1 + e) / (1 + e_0)`. With a leg, the command is a
-    kick that is planned with the restitution that is known by then.
+    the ball leaves with the velocity :math:`v (1 + e) / (1 + e_0)`. With a leg, it is a kick that
+    is planned with the estimate of the restitution.
 
     Args:
         goal: a target as high as the launch, with a condition such as the time.
@@ -113,15 +110,14 @@ class Learner(ReprMixin):
         friction: friction of the contact of the leg.
         ball_height: height of the ball's centre before the kick of a leg [m, world frame]; None
             leaves it free, as in `plan_kick`.
-        motion: whether the commands are kicks with their motion (`plan_kick`); each is planned
-            from the one before.
+        motion: whether commands are kicks with their motion, each planned from the one before.
         scatter: standard deviation of the launch from kick to kick of one command: relative for the
             speed, and for either angle of the direction [rad].
         deviation: standard deviation of an observed coordinate of a landing or a track [m].
         time_deviation: standard deviation of an observed time of flight [s].
         prior: standard deviations of the unknowns before the first kick; those left out are
-            `drag_scale` 0.3 (relative), `wind_x` and `wind_y` 2 m/s, `restitution` 0.1,
-            `elevation` and `azimuth` 0.05 rad.
+            `drag_scale` 0.3 (relative), `wind_x` and `wind_y` 2 m/s, `restitution` 0.1, `elevation`
+            and `azimuth` 0.05 rad.
 
     Attributes:
         command: the next launch at the origin, or with a leg the next kick. A kick is planned for
@@ -131,8 +127,8 @@ class Learner(ReprMixin):
         shots: the kicks so far.
 
     Raises:
-        InvalidInput: a wrong argument; a goal above or below the launch; an air without drag, or
-            with a wind that is a function; a leg that cannot kick to the goal.
+        InvalidInput: a wrong argument, a goal above or below the launch, an air without drag or
+            with a wind that is a function, or a leg that cannot kick to the goal.
     """
 
     command: BallState | KickPlan
@@ -198,8 +194,8 @@ class Learner(ReprMixin):
     def estimates(self) -> dict[str, float]:
         """The estimates of the unknowns, by name.
 
-        A factor of the drag model, the wind [m/s], the restitution, and how far the ball leaves
-        above and to the left of what was commanded [rad].
+        They are a factor of the drag model, the wind [m/s], the restitution, and how far the ball
+        leaves above and to the left of what was commanded [rad].
         """
         values = self._theta.copy()
         values[0], values[3] = math.exp(values[0]), expit(values[3])
@@ -229,9 +225,9 @@ class Learner(ReprMixin):
     def is_done(self) -> bool:
         """Whether further kicks would hardly bring the ball nearer to the target.
 
-        That is where the last kick missed the goal by no more than scatter and uncertainty allow
-        in 95 % of kicks, and where the uncertainty has at most a third of the scatter's variance
-        (traces of the covariances).
+        The last kick then missed by no more than scatter and uncertainty allow in 95 % of kicks,
+        and the uncertainty has at most a third of the scatter's variance (traces of the
+        covariances).
         """
         scatter, uncertainty = self.landing_scatter, self.landing_uncertainty
         missed = self._last_landing - self.goal.target[:2]
@@ -262,14 +258,14 @@ class Learner(ReprMixin):
         """Learn from what the ball did after the command, and find the next one.
 
         Args:
-            seen: the landing point, at the height of the launch, shape `(2,)` or `(3,)`
-                [m, from the launch]; or the track of the ball in flight, its positions from the
-                launch [m, world axes] and its times since the kick [s].
+            seen: the landing point, at the height of the launch, shape `(2,)` or `(3,)` [m, from
+                the launch]; or the track of the ball in flight [m, from the launch; s, since the
+                kick].
             time: time of flight, if it was measured [s]; it must be None with a track.
 
         Raises:
-            InvalidInput: a wrong shape, a number that is not finite, a track that begins before
-                the kick, or a time beside a track.
+            InvalidInput: a wrong argument, a track that begins before the kick, or a time beside a
+                track.
             KickdynError: no flight of the model comes near to what was observed.
         """
         if isinstance(seen, Track):
@@ -372,10 +368,7 @@ class Learner(ReprMixin):
     def _landing(
         self, theta: Array, error: Array, command: BallState | KickPlan
     ) -> tuple[Array, Array]:
-        """Return landing point and time of a command, `(3,)` [m, m, s], and the derivatives.
-
-        These have the shape `(3, 9)`: by the unknowns and by the error of the kick.
-        """
+        """Return landing and time of a command, `(3,)` [m, m, s], and derivatives, `(3, 9)`."""
         flight = self._fly(theta, error, command, LEVEL)
         if flight.end <= SHORTEST:
             return np.zeros(3), np.zeros((3, 9))  # no step of the solver ends there

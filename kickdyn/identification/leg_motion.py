@@ -4,21 +4,36 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from kickdyn.core import validation
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.plot_style import COLUMN_WIDTH, styled
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
-from kickdyn.identification.contact_moment import Moment, contact_moment
 from kickdyn.identification.marker_kinematics import FittedLeg
 from kickdyn.identification.smoothing_spline import GROWTH, GROWTH_TIME, SmoothingSpline
+from kickdyn.identification.track import LEAST_SAMPLES, Track, refuse_units
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.surgery import has_floating_base
+
+MEAN_TIME, MEAN_TIME_DEVIATION = 0.0044, 0.0007
+"""Mean time of the force from the beginning of the contact, and its standard deviation [s]. Visible
+contacts last 9 to 14 ms (Ball et al., ISBS 2013), and the ball accelerates in about the first 3/4
+of them (Nunome et al., ISBS 2012): half of that is 3.4 to 5.3 ms."""
+
+FLIES_AFTER = 0.015
+"""Time after the beginning of a contact at which the ball flies [s]."""
+
+BALL_WINDOW = 0.1
+"""Time before and after the contact in which quadratics follow the ball [s]."""
+
+LEAST_CHANGE = 1.0
+"""Change of a ball's velocity below which nothing struck it [m/s]."""
 
 LEAST_FRAMES = 8
 """Fewer frames before a contact do not determine a velocity with its deviation."""
@@ -36,9 +51,6 @@ SHORT_TIME = 1e-3
 DRAWN_TIMES = 200
 """Number of times that are drawn in each part of the motion."""
 
-AFTER_CONTACT = 0.05
-"""Time after a contact that a plot shows [s]."""
-
 LARGEST_RATIO_TO_MEDIAN = 2.5
 """Larger residuals of a marker, over the median of all, have a warning. In the measured kicks of
 `data/`, noise alone gives 1.1, and a leg that is 3 % too long gives 3."""
@@ -50,16 +62,118 @@ LARGEST_TILT = 60.0
 """Tilt of a pelvis [deg] above which the vertical axis of the track is in doubt."""
 
 
+class Moment(NamedTuple):
+    """A time [s] and its standard deviation [s]."""
+
+    time: float
+    deviation: float
+
+
+class BallSide(NamedTuple):
+    """A ball on one side of a contact: position and velocity there, `(3,)`, and the deviations."""
+
+    position: Array
+    velocity: Array
+    position_deviation: Array
+    velocity_deviation: Array
+
+
+def ball_side(track: Track, side: str, begin: float, end: float, moment: float) -> BallSide:
+    """Return position and velocity at a moment, by quadratics through the samples of a side."""
+    chosen = (track.times >= begin) & (track.times <= end)
+    if chosen.sum() < LEAST_SAMPLES:
+        raise InvalidInput(
+            f"track of the ball has {int(chosen.sum())} samples {side} the contact, from "
+            f"{begin:.4g} to {end:.4g} s: at least {LEAST_SAMPLES} are needed"
+        )
+    refuse_units(Track(track.times[chosen], track.positions[chosen]), 0.0)
+    rows = np.vander(track.times[chosen] - moment, 3, increasing=True)
+    fitted, *_ = np.linalg.lstsq(rows, track.positions[chosen], rcond=None)
+    missed = track.positions[chosen] - rows @ fitted
+    variance = (missed**2).sum(axis=0) / max(len(rows) - 3, 1)
+    inverse = np.linalg.inv(rows.T @ rows)
+    fall, spread = 2.0 * fitted[2], 8.0 * np.sqrt(variance * inverse[2, 2])
+    if fall[1] + spread[1] < -0.5 * GRAVITY and fall[2] - spread[2] > -0.5 * GRAVITY:
+        raise InvalidInput(
+            f"the ball falls along y {side} the contact, with {-fall[1]:.2g} m/s2: positions of "
+            "its track must have z up"
+        )
+    return BallSide(*fitted[:2], *(np.sqrt(variance * inverse[i, i]) for i in (0, 1)))
+
+
+def contact_moment(name: str, value: float | Sequence[float] | Track) -> Moment:
+    r"""Return the time of a contact: a number, a number and its deviation, or from a track.
+
+    The ball's velocity changes by :math:`\Delta v` during the contact. The quadratics through its
+    positions before and after, extrapolated along :math:`\Delta v`, meet at the mean time of the
+    force, :math:`\int t F \, dt / \int F \, dt`; the contact begins earlier.
+    """
+    if isinstance(value, Track):
+        return _from_track(value)
+    deviation = 0.0
+    if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str):
+        if len(value) != 2:
+            raise InvalidInput(
+                f"{name} is {validation.brief(list(value))}: it must be a time [s], (time, its "
+                "standard deviation), or the track of the ball"
+            )
+        value, spread = value
+        deviation = validation.number(f"deviation of {name}", spread, at_least=0, unit="s")
+    return Moment(validation.number(name, value, unit="s"), deviation)
+
+
+def _from_track(track: Track) -> Moment:
+    times = track.times
+    if len(track) < 2 * LEAST_SAMPLES:
+        raise InvalidInput(
+            f"track of the ball has {len(track)} samples: at least {2 * LEAST_SAMPLES} are needed"
+        )
+    # the largest change of velocity over the duration of a contact gives its rough place; mean
+    # velocities of several samples, so that noise alone is no change
+    span = LEAST_SAMPLES - 1
+    displacements, lasted = (x[span:] - x[:-span] for x in (track.positions, times))
+    means = displacements / lasted[:, None]
+    last = np.arange(span, len(times))  # samples at which a contact may begin
+    first = np.searchsorted(times, times[last] + FLIES_AFTER)
+    last, first = last[first < len(means)], first[first < len(means)]
+    changes = np.linalg.norm(means[first] - means[last - span], axis=1)
+    _check_change(float(changes.max(initial=0.0)), track)
+    moment = float(times[last[int(np.argmax(changes))]])
+    for _ in range(10):
+        before = ball_side(track, "before", moment - BALL_WINDOW, moment, moment)
+        begin = moment + FLIES_AFTER
+        after = ball_side(track, "after", begin, begin + BALL_WINDOW, moment)
+        change = after.velocity - before.velocity
+        size = float(np.linalg.norm(change))
+        _check_change(size, track)
+        along = change / size
+        step = float(along @ (before.position - after.position)) / size - MEAN_TIME
+        moment += step
+        if abs(step) < 1e-9:
+            break
+    spread = np.hypot(before.position_deviation, after.position_deviation)
+    measured = float(np.linalg.norm(along * spread)) / size
+    return Moment(moment, float(np.hypot(measured, MEAN_TIME_DEVIATION)))
+
+
+def _check_change(size: float, track: Track) -> None:
+    if size < LEAST_CHANGE:
+        raise InvalidInput(
+            f"the velocity of the ball changes by {size:.2g} m/s at most in its track, from "
+            f"{track.times[0]:.4g} to {track.times[-1]:.4g} s: a kick changes it by "
+            f"{LEAST_CHANGE:g} m/s or more"
+        )
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactMotion(ReprMixin):
-    """The motion of a leg at one time, from the frames before it, with its covariance.
+    """Posture and velocity of a leg just before a contact, with their covariance.
 
     Attributes:
         moment: time of the contact and its standard deviation, `(time, deviation)` [s].
-        posture: posture of the leg.
-        v: joint velocity, shape `(nv,)` [rad/s; m/s].
-        covariance: of q, in its tangent space, and v together, shape `(2 nv, 2 nv)`. The deviation
-            of the time is in it, times v and the acceleration.
+        posture: the posture.
+        v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        covariance: of q, in its tangent space, and v, shape `(2 nv, 2 nv)`, the moment's included.
     """
 
     moment: Moment
@@ -99,10 +213,9 @@ class LegMotion(ReprMixin):
         leg: the leg, with segments as long as the person's.
         times: times of the frames that count, shape `(n,)` [s].
         configurations: configuration of each of these frames alone, shape `(n, nq)` [rad; m]; what
-            the markers of a frame do not determine is as in the frame before.
+            a frame's markers do not determine is as in the frame before.
         information: information matrix of each, in the tangent space, shape `(n, nv, nv)`.
-        contact: time of the impact, across which nothing is smoothed, and its standard deviation,
-            `(time, deviation)` [s]; None without one.
+        contact: time of the impact and its standard deviation, `(time, deviation)` [s], or None.
         noise: standard deviation of a coordinate of a marker [m], from the residuals.
         residuals: root mean square distance of each marker from the leg's [m], by name.
         scales: length of each segment over the length in the leg that was given, by joint.
@@ -205,56 +318,54 @@ class LegMotion(ReprMixin):
     def plot(self, joints: Sequence[str] | None = None) -> Any:
         """Return a matplotlib Figure of joint angles and speeds, one journal column wide.
 
-        It shows the last 0.15 s before the contact and 0.05 s after it, or the whole motion if
-        there is no contact, with bands of 95 % (1.96 standard deviations).
-
-        Args:
-            joints: names of joints of one angle each; None draws all of these.
-
-        Raises:
-            InvalidInput: an unknown joint.
+        It shows 0.15 s before the contact and 0.05 s after it, or the whole motion without a
+        contact, with bands of 95 %. `joints` are names of joints of one angle each; None draws all.
         """
         from matplotlib.figure import Figure
 
-        available = self.leg.single_joints
+        available, moment = self.leg.single_joints, self.contact and self.contact.time
         names = available if joints is None else list(joints)
         if not names or not set(names) <= set(available):
             raise InvalidInput(f"joints is {names}: it must name some of {', '.join(available)}")
         begin, end = self.times[[0, -1]].tolist()
-        if self.contact is not None:
-            moment = self.contact.time
-            begin, end = moment - CONTACT_WINDOW, moment + AFTER_CONTACT
-        clipped = ((max(begin, piece.begin), min(end, piece.end)) for piece in self._pieces)
-        spans = [(a, b) for a, b in clipped if a < b]
+        if moment is not None:
+            # time after a contact that a plot shows [s]
+            begin, end = moment - CONTACT_WINDOW, moment + 0.05
         figure = Figure(figsize=(COLUMN_WIDTH, 4.2))
         angles, speeds = figure.subplots(2, 1, sharex=True)
-        zero, model = self.contact.time if self.contact else 0.0, self.leg.workspace.model
+        model = self.leg.workspace.model
         numbers = [model.getJointId(name) for name in names]
         places, columns = ([of[i] for i in numbers] for of in (model.idx_qs, model.idx_vs))
-        for begin, end in spans:
-            t = np.linspace(begin, end, DRAWN_TIMES)
-            q, v = (np.array([of(x) for x in t]) for of in (self.q, self.v))
-            spread = np.array([self.deviations(x) for x in t])[:, :, columns]
+        labels = [name.replace("$", r"\$") for name in names]  # "$" begins a formula
+        for piece in self._pieces:
+            first, last = max(begin, piece.begin), min(end, piece.end)
+            if first >= last:
+                continue
+            t = np.linspace(first, last, DRAWN_TIMES)
+            ms = 1e3 * (t - (moment or 0.0))
+            states = [piece.state(x) for x in t]
+            q, v = (np.array([state[k] for state in states]) for k in (0, 1))
+            variances = np.array([state[2].diagonal() for state in states])
+            sigma_q, sigma_v = np.hsplit(np.sqrt(np.maximum(variances, 0.0)), 2)
             for axes, values, sigma in (
-                (angles, np.degrees(q[:, places]), np.degrees(spread[:, 0])),
-                (speeds, v[:, columns], spread[:, 1]),
+                (angles, np.degrees(q[:, places]), np.degrees(sigma_q[:, columns])),
+                (speeds, v[:, columns], sigma_v[:, columns]),
             ):
                 axes.set_prop_cycle(None)
-                for k, name in enumerate(names):
-                    labelled = axes is angles and (begin, end) == spans[0]
-                    label = name.replace("$", r"\$") if labelled else None  # "$" begins a formula
-                    (line,) = axes.plot(1e3 * (t - zero), values[:, k], label=label, linewidth=1.2)
-                    low, high = values[:, k] - 1.96 * sigma[:, k], values[:, k] + 1.96 * sigma[:, k]
-                    axes.fill_between(
-                        1e3 * (t - zero), low, high, color=line.get_color(), alpha=0.25
+                for label, mean, wide in zip(labels, values.T, 1.96 * sigma.T, strict=True):
+                    (line,) = axes.plot(
+                        1e3 * (t - (moment or 0.0)), mean, label=label, linewidth=1.2
                     )
+                    shade = {"color": line.get_color(), "alpha": 0.25}
+                    axes.fill_between(ms, mean - wide, mean + wide, **shade)
+            labels = ["_"] * len(names)  # only the first piece has a legend
         angles.set_ylabel("angle [deg]")
         speeds.set(ylabel="speed [rad/s]", xlabel="time [ms]")
-        if self.contact is not None:
+        if moment is not None:
             speeds.set_xlabel("time from the contact [ms]")
             for axes in (angles, speeds):
                 axes.axvline(0.0, color="0.6", linewidth=1, linestyle=":")
-        figure.legend(loc="outside upper center", ncols=3)
+        figure.legend(*angles.get_legend_handles_labels(), loc="outside upper center", ncols=3)
         return figure
 
     @property
@@ -270,21 +381,21 @@ class LegMotion(ReprMixin):
                 "does not fit, or the marker is swapped with another; deviations do not contain "
                 "this"
             )
-        lines += [*self._unseen_at_contact(), *self._outside_ranges()]
+        return (*lines, *self._unseen_at_contact(), *self._outside_ranges(), *self._tilted())
+
+    def _tilted(self) -> Iterable[str]:
+        """Return a line about a pelvis that is not upright."""
         if not has_floating_base(self.leg.workspace.model):
-            return tuple(lines)
-        up = np.median(
-            [pin.XYZQUATToSE3(q[:7]).rotation[:, 2] for q in self.configurations], axis=0
-        )
+            return
+        poses = [pin.XYZQUATToSE3(q[:7]) for q in self.configurations]
+        up = np.median([pose.rotation[:, 2] for pose in poses], axis=0)
         tilt = math.degrees(math.acos(float(np.clip(up[2], -1.0, 1.0))))
-        if tilt < LARGEST_TILT:
-            return tuple(lines)
-        return (
-            *lines,
-            f"the pelvis is tilted by {tilt:.0f} deg, its upward axis is {up.round(2).tolist()} in "
-            "the track: positions must have z up; if the file has y up, read it with "
-            "up='y'",
-        )
+        if tilt >= LARGEST_TILT:
+            yield (
+                f"the pelvis is tilted by {tilt:.0f} deg, its upward axis is "
+                f"{up.round(2).tolist()} in the track: positions must have z up; if the file has "
+                "y up, read it with up='y'"
+            )
 
     def _unseen_at_contact(self) -> Iterable[str]:
         """Return a line about markers that are not seen just before the contact."""

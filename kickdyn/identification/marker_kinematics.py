@@ -52,10 +52,7 @@ def spread_frames(measured: Array) -> list[int]:
 
 
 class SolvedFrame(NamedTuple):
-    """A frame that is solved: configuration, Jacobian of its markers and residual [m].
-
-    Where the markers do not determine the configuration, the rest of it is as in the frame before.
-    """
+    """A solved frame: configuration, Jacobian of its markers, residual [m], and markers seen."""
 
     q: Array
     jacobian: Array
@@ -110,10 +107,7 @@ class MarkerKinematics:
         return points[seen].ravel(), rows[seen].reshape(-1, model.nv)
 
     def solve(self, q: Array, measured: Array, seen: Array, kept: float = 0.0) -> SolvedFrame:
-        """Return the nearest configuration from a start, by damped Gauss-Newton steps.
-
-        The squared distance from the start counts with the weight `kept`.
-        """
+        """Return the nearest configuration from a start, whose distance has the weight `kept`."""
         target, start, displacement = measured[seen].ravel(), q, np.zeros(self.model.nv)
         points, jacobian = self.markers(q, seen)
         missed, damping = target - points, 1e-8
@@ -139,10 +133,7 @@ class MarkerKinematics:
     def solve_track(
         self, measured: Array, chosen: Iterable[int], start: Array | None = None
     ) -> dict[int, SolvedFrame]:
-        """Return the solved frames by number, from the first one that is complete.
-
-        Without a configuration near this one to start from, several are tried.
-        """
+        """Return the solved frames by number, from the first one that is complete."""
         solved: dict[int, SolvedFrame] = {}
         for k in chosen:
             seen = np.isfinite(measured[k]).all(axis=1)
@@ -187,10 +178,7 @@ class MarkerKinematics:
         return inside
 
     def first(self, measured: Array, seen: Array) -> SolvedFrame:
-        """Return the nearest configuration of a first frame, in the ranges of joints if possible.
-
-        Several configurations can have the same markers, as hips turned by 180 degrees.
-        """
+        """Return the nearest configuration of a first frame, in the joints' ranges if possible."""
         solved = []
         for q in self._starts(measured, seen):
             frame = self.solve(q, measured, seen)
@@ -198,13 +186,6 @@ class MarkerKinematics:
         least = min(float(frame.missed @ frame.missed) for frame in solved)
         candidates = [f for f in solved if f.missed @ f.missed <= 1.001 * least + 1e-12]
         return min(candidates, key=lambda f: float(np.abs(f.q - self._inside(f.q)).sum()))
-
-    def stack(self, frames: Mapping[int, SolvedFrame]) -> tuple[Array, Array]:
-        """Return configurations and Gram matrices of frames."""
-        return (
-            np.array([frame.q for frame in frames.values()]),
-            np.array([frame.jacobian.T @ frame.jacobian for frame in frames.values()]),
-        )
 
 
 class FittedLeg(NamedTuple):
@@ -243,10 +224,9 @@ def scaled_leg(
     frames: Mapping[int, SolvedFrame],
     place_deviation: float = 0.0,
 ) -> FittedLeg:
-    """Return the leg with segments as long as the markers have them.
+    """Return the leg with segments as long as the markers have them, places too if they deviate.
 
     The configurations are eliminated from the normal equations of each frame (Schur complement).
-    Where places have a standard deviation [m], they are estimated, too.
     """
     joints, count = leg.joint_names, 3 * len(places) * bool(place_deviation)
     values = np.concatenate([np.ones(len(joints)), np.zeros(count)])  # scales and offsets
@@ -273,7 +253,14 @@ def scaled_leg(
         scaled = leg.with_model(_scaled_model(leg, scales))
         if count:
             offsets = values[len(joints) :].reshape(-1, 3)
-        displaced = _scaled_places(leg, places, scales, offsets)
+        factors = [1.0, *scales]  # of the base, then of the joints
+        carriers = [leg.workspace.model.frames[frame].parentJoint for frame, _ in places.values()]
+        displaced = [
+            Marker(frame, factors[joint] * point + offset)
+            for (frame, point), joint, offset in zip(
+                places.values(), carriers, offsets, strict=True
+            )
+        ]
         if float(np.abs(step).max()) < (SMALL_STEP if count else 1e-13):
             break
     numbers = dict(zip(joints, scales.tolist(), strict=True))
@@ -284,9 +271,9 @@ def scaled_leg(
 def place_deviation(fitted: FittedLeg, measured: Array, frames: Mapping[int, SolvedFrame]) -> float:
     """Return the standard deviation of the places of markers that their residuals show [m].
 
-    It is 0 where the means of the residuals, in the axes of the segments, are explained by their
-    scatter, and where a residual is so large that the marker is another one; it is at most
-    `LARGEST_PLACE_DEVIATION`. Residuals do not show offsets that only change the configurations.
+    It is 0 if scatter explains the mean residuals in the axes of the segments, or one is so large
+    that the marker is another one. Residuals do not show offsets that only change the
+    configurations.
     """
     model, places = fitted.leg.workspace.model, fitted.places
     kinematics = MarkerKinematics(model, places)
@@ -323,10 +310,7 @@ def _by_place(kinematics: MarkerKinematics, frame: SolvedFrame) -> Array:
 def _by_scale(
     kinematics: MarkerKinematics, frame: SolvedFrame, scales: Array, offsets: Array
 ) -> Array:
-    """Return the derivatives of the markers by the scales of segments, `(3 k, joints)`.
-
-    Offsets of the places do not scale.
-    """
+    """Return the derivatives of the markers by scales of segments, shape `(3 k, joints)`."""
     model, data = kinematics.model, kinematics.data
     kinematics.markers(frame.q, frame.seen)
     rows = []
@@ -347,30 +331,15 @@ def _by_scale(
 
 def _scaled_model(leg: Leg, scales: Array) -> Any:
     """Return the model with the segment behind each joint scaled; masses stay."""
-    model = leg.model
+    model, factors = leg.model, [1.0, *scales]  # of the base, then of the joints
     for joint in range(1, model.njoints):
-        parent = model.parents[joint]
-        if parent:
-            model.jointPlacements[joint].translation *= scales[parent - 1]
-        size, inertia = scales[joint - 1], model.inertias[joint]
+        model.jointPlacements[joint].translation *= factors[model.parents[joint]]
+        size, inertia = factors[joint], model.inertias[joint]
         model.inertias[joint] = pin.Inertia(
             inertia.mass, size * inertia.lever, size**2 * inertia.inertia
         )
     for frame in model.frames:
-        if frame.parentJoint:
-            placement = frame.placement.copy()
-            placement.translation = placement.translation * scales[frame.parentJoint - 1]
-            frame.placement = placement
+        placement = frame.placement.copy()
+        placement.translation = placement.translation * factors[frame.parentJoint]
+        frame.placement = placement
     return model
-
-
-def _scaled_places(
-    leg: Leg, places: Mapping[str, Marker], scales: Array, offsets: Array
-) -> list[Marker]:
-    """Return the places of markers, scaled with their segments, then moved by offsets [m]."""
-    frames, answer = leg.workspace.model.frames, []
-    for (frame, point), offset in zip(places.values(), offsets, strict=True):
-        joint = frames[frame].parentJoint
-        scale = float(scales[joint - 1]) if joint else 1.0
-        answer.append(Marker(frame, scale * point + offset))
-    return answer

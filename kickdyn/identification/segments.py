@@ -35,12 +35,7 @@ from kickdyn.identification.segments_result import (
     SegmentKind,
     Segments,
 )
-from kickdyn.identification.track import (
-    Track,
-    check_samples,
-    doubts_of_track,
-    refuse_units,
-)
+from kickdyn.identification.track import Track, check_samples, doubts_of_track, refuse_units
 
 LONGEST_CUBIC = 1.0
 """Longest time that one cubic is fitted to [s]; longer flights are joined afterwards."""
@@ -48,12 +43,6 @@ LONGEST_CUBIC = 1.0
 LEAST_NOISE = 0.012
 """Least noise of a coordinate that cuts and deviations are judged by [m]: cubics are no exact
 flights, and trackers smooth."""
-
-SHORT_PIECE = 15
-"""Samples of a piece that may be an artefact of two cuts for one touch."""
-
-GAP_TIME = 0.25
-"""Time without a sample after which a new segment begins [s]."""
 
 CONTACT_HEIGHT = 0.25
 """Height above rest on the ground below which a ball may touch it [m]: pitches are crowned, and
@@ -66,9 +55,6 @@ ACCELERATION_DEVIATION, JERK_DEVIATION = 6.0, 15.0
 """How far a ball's acceleration differs from gravity's [m/s2], and how fast it changes [m/s3], as
 standard deviations: drag and lift of a ball at 20 m/s, and their change within its flight."""
 
-ROLLING_HEIGHT = 0.15
-"""Change of height of a ball that rolls [m], within one segment."""
-
 LEAST_ROLLING_TIME = 0.5
 """Duration of a rolling part from which its deceleration is taken [s]."""
 
@@ -79,17 +65,8 @@ is not level."""
 MOST_FRICTION = 1.0
 """Ratio of the changes of velocity along and across the ground above which it was no bounce."""
 
-UNDERGROUND_FRACTION = 0.1
-"""Share of samples below the ground from which a track is refused."""
-
 LEAST_FALL, MOST_FALL = 4.0, 22.0
 """Downward accelerations between which a ball flies [m/s2]; lift and drag change gravity."""
-
-MOST_LEVEL_FALL = 2.0
-"""Vertical acceleration above which a ball does not roll [m/s2]."""
-
-REST_SPEED = 0.3
-"""Speed below which a ball on the ground counts as at rest [m/s]."""
 
 
 class _Samples(NamedTuple):
@@ -102,20 +79,15 @@ class _Samples(NamedTuple):
 
     @property
     def speed_deviation(self) -> float:
-        r"""Standard deviation of a velocity just before or after a cut [m/s].
-
-        It is that of the slope of a parabola at the end of T = `VELOCITY_WINDOW` with n samples,
-        :math:`\sigma \sqrt{192 / n} / T`.
-        """
+        """Standard deviation [m/s] of the slope at the end of a parabola of `VELOCITY_WINDOW`."""
         count = max(VELOCITY_WINDOW / float(np.median(np.diff(self.times))), 1.0)
         return self.noise * math.sqrt(192.0 / count) / VELOCITY_WINDOW
 
 
 class _Piece(NamedTuple):
-    """Samples `first` to `last - 1`, and polynomials fitted to them.
+    """Samples `first` to `last - 1`, and polynomials in the time from `middle`, `(k, 3)`.
 
-    The polynomials count time from `middle` [s]; their coefficients, lowest power first, have the
-    shape `(k, 3)`. The cost is the sum of squared residuals over the squared noise.
+    The cost is the sum of squared residuals over the squared noise.
     """
 
     first: int
@@ -137,10 +109,7 @@ class _Piece(NamedTuple):
 
 @validation.check_arguments
 def segments(
-    track: Track,
-    ball: Ball | None = None,
-    ground: Ground | None = None,
-    air: Air | None = None,
+    track: Track, ball: Ball | None = None, ground: Ground | None = None, air: Air | None = None
 ) -> Segments:
     """Return the flights, rolls and rests of a track, with the reason for each cut.
 
@@ -151,15 +120,15 @@ def segments(
         air: the air, whose drag is not counted as rolling deceleration; None is `Air()`.
 
     Raises:
-        InvalidInput: fewer than 5 samples, samples a second or more apart, a track under the
-            ground, or one whose ball falls as if the positions were not in metres; or a wrong
-            argument.
+        InvalidInput: few samples, or a second or more apart, a track under the ground or not in
+            metres.
     """
     ball, air = Ball() if ball is None else ball, Air() if air is None else air
     level = ground.height if ground is not None else 0.0
     check_samples(track)
     heights = track.positions[:, 2]  # trackers are off by up to CONTACT_HEIGHT
-    if np.mean(heights < level - CONTACT_HEIGHT) > UNDERGROUND_FRACTION:
+    # share of samples below the ground from which a track is refused
+    if np.mean(heights < level - CONTACT_HEIGHT) > 0.1:
         lowest = int(np.argmin(heights))
         raise InvalidInput(
             f"the ball is at {heights[lowest]:.4g} m at {track.times[lowest]:.10g} s, under the "
@@ -170,7 +139,8 @@ def segments(
     indices = _without_spikes(track, noise)
     samples = _Samples(track.times[indices], track.positions[indices], indices, noise)
     pieces: list[_Piece] = []
-    gaps = [int(k) for k in np.flatnonzero(np.diff(samples.times) > GAP_TIME) + 1]
+    # time without a sample after which a new segment begins [s]
+    gaps = [int(k) for k in np.flatnonzero(np.diff(samples.times) > 0.25) + 1]
     for first, last in zip([0, *gaps], [*gaps, len(indices)], strict=True):
         pieces += _joined(samples, _partition(samples, first, last))
     falls = [piece.fall for piece in pieces if piece.last - piece.first >= 8]
@@ -200,10 +170,7 @@ def _noise(track: Track) -> float:
 
 
 def _without_spikes(track: Track, noise: float) -> NDArray[np.intp]:
-    """Return the indices of all samples but spikes: single ones far off a path smooth around them.
-
-    The path is the parabola of two samples before and two after.
-    """
+    """Return the indices of samples that are near the parabola of two before and two after."""
     inliers = np.ones(len(track), dtype=bool)
     for _ in range(2):
         indices = np.flatnonzero(inliers)
@@ -266,10 +233,10 @@ def _cubic_costs(times: Array, points: Array) -> Array:
 
 
 def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
-    """Return pieces; two neighbours are joined wherever a quintic follows both as well.
+    """Return pieces; neighbours are joined if a quintic follows both as well.
 
-    A short piece between two others is divided between them where two quintics do as well, because
-    a touch that the tracker smooths over is cut twice.
+    A short piece is divided between its neighbours if two quintics do as well, because a touch that
+    the tracker smooths over is cut twice.
     """
     pieces = [_fitted(samples, first, last, 3) for first, last in cuts]
     price = 6 * math.log(samples.positions.size)
@@ -285,7 +252,8 @@ def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
     i = 1
     while i + 1 < len(pieces):
         left, middle, right = pieces[i - 1 : i + 2]
-        if middle.last - middle.first <= SHORT_PIECE:
+        # samples of a piece that may be an artefact of two cuts for one touch
+        if middle.last - middle.first <= 15:
             choices = [
                 [_fitted(samples, left.first, cut, 5), _fitted(samples, cut, right.last, 5)]
                 for cut in range(middle.first, middle.last + 1)
@@ -301,10 +269,7 @@ def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
 def _described(
     samples: _Samples, pieces: list[_Piece], rest_height: float, gaps: list[int]
 ) -> tuple[Segment, ...]:
-    """Return the motion of each piece, and why it begins.
-
-    A piece that is neither flight nor on the ground may have a low bounce in it that was not cut.
-    """
+    """Return the motion of each piece, and why it begins."""
     segments: list[Segment] = []
     kinds = [_kind(samples, piece, rest_height) for piece in pieces]
     for i, (piece, kind) in enumerate(zip(pieces, kinds, strict=True)):
@@ -333,9 +298,8 @@ def _described(
 def _velocity(samples: _Samples, piece: _Piece, time: float, kind: SegmentKind) -> Array:
     """Return the velocity in a piece at a time near one of its ends, shape `(3,)` [m/s].
 
-    It is the velocity of a cubic through the samples within `VELOCITY_WINDOW`. What is known of the
-    acceleration and its change (`ACCELERATION_DEVIATION`, `JERK_DEVIATION`) weighs as much as
-    measurements of that accuracy would: a few noisy samples after a bounce do not determine them.
+    A cubic is fitted to the samples within `VELOCITY_WINDOW`, and to what is known of the
+    acceleration and its change: a few noisy samples after a bounce do not determine them.
     """
     acceleration = np.array([0.0, 0.0, 0.0 if kind in ON_GROUND else -GRAVITY])
     times = samples.times[piece.first : piece.last] - time
@@ -354,13 +318,16 @@ def _kind(samples: _Samples, piece: _Piece, rest_height: float) -> SegmentKind:
     heights = samples.positions[piece.first : piece.last, 2]
     if len(heights) < 4:
         return SegmentKind.OTHER
-    is_level = float(np.ptp(heights)) < ROLLING_HEIGHT and abs(piece.fall) < MOST_LEVEL_FALL
+    # vertical acceleration above which a ball does not roll [m/s2]
+    # change of height of a ball that rolls [m], within one segment
+    is_level = float(np.ptp(heights)) < 0.15 and abs(piece.fall) < 2.0
     # a ball that falls along a horizontal axis: the track's z is not up
     if samples.times[piece.last - 1] - samples.times[piece.first] > LEAST_ROLLING_TIME:
         is_level &= math.hypot(*piece.derivative(piece.middle, 2)[:2]) < LEAST_FALL
     if is_level and float(heights.max()) < rest_height + CONTACT_HEIGHT:
         speed = float(np.linalg.norm(piece.derivative(piece.middle, 1)))
-        return SegmentKind.REST if speed < REST_SPEED else SegmentKind.ROLLING
+        # speed below which a ball on the ground counts as at rest [m/s]
+        return SegmentKind.REST if speed < 0.3 else SegmentKind.ROLLING
     return SegmentKind.FLIGHT if LEAST_FALL < piece.fall < MOST_FALL else SegmentKind.OTHER
 
 
@@ -378,9 +345,8 @@ def _at_bounces(
 ) -> tuple[Measured | None, Measured | None]:
     """Return restitution and friction at bounces, None without any.
 
-    A ball slides to the end of a bounce if slip is left that the next bounce takes away. A change
-    of velocity by friction changes the slip by 1 + m r^2 / I times as much, and in flight the slip
-    changes as the velocity.
+    A ball slides to the end of a bounce if slip is left that the next bounce takes away. Friction
+    changes the slip by 1 + m r^2 / I times the velocity, and flight as the velocity.
     """
     speed_deviation = samples.speed_deviation
     slip_per_change = 1.0 + ball.turning * ball.mass
@@ -415,10 +381,7 @@ def _at_bounces(
 def _rolling_deceleration(
     samples: _Samples, segments: Iterable[Segment], ball: Ball, air: Air
 ) -> Measured | None:
-    """Return the deceleration of rolling balls without the part by drag [m/s2], or None.
-
-    The force of the air moves a rolling ball as if its mass were m + I / r^2.
-    """
+    """Return the deceleration of rolling balls without the part by drag [m/s2], or None."""
     decelerations: list[tuple[float, float]] = []
     drag = acceleration_function(ball, air)
     heavier = 1.0 + ball.inertia / (ball.mass * ball.radius**2)
@@ -442,8 +405,7 @@ def _rolling_deceleration(
 def _median(measurements: Sequence[tuple[float, float]]) -> Measured | None:
     """Return the median of values, each with its deviation; None without any values.
 
-    The values are taken as normally distributed. Their spread is estimated from the values, but is
-    not below the median deviation of a single value. Up to two values, the median is the mean.
+    The spread is estimated from the values, but not below the median of the deviations.
     """
     if not measurements:
         return None

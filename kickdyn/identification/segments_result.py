@@ -138,8 +138,8 @@ class Segments(Printed):
     def flights(self) -> tuple[Track, ...]:
         """The parts in which the ball flies, without the samples near their cuts.
 
-        Tracking systems smooth over touches. The samples within 0.1 s of a cut are left out, but no
-        more than a tenth of the flight at each end.
+        Trackers smooth there: samples within 0.1 s of a cut are left out, but at most a tenth at
+        each end.
         """
         flights = []
         for segment in self.parts:
@@ -158,8 +158,7 @@ class Segments(Printed):
         A lower bound of friction has no deviation: with it, the ball grips in all measured bounces.
 
         Raises:
-            InvalidInput: the track has no bounce or no rolling segment, or a median is no
-                coefficient, such as a rolling deceleration below 0.
+            InvalidInput: the track has no bounce or no rolling segment, or the ball speeds up.
         """
         rolling = self.rolling_deceleration
         if rolling is not None and rolling.median < 0.0:

@@ -57,14 +57,10 @@ LARGEST_DEVIATION = 10.0
 
 
 class SmoothingSpline:
-    """A smoothing spline through configurations with information matrices.
+    """A smoothing spline through configurations q, `(n, nq)`, at times, `(n,)` [s].
 
-    Args:
-        model: model of the leg.
-        times: times of the configurations, shape `(n,)` [s].
-        q: configurations, shape `(n, nq)`.
-        information: information matrix of each, in the tangent space, shape `(n, nv, nv)`.
-        growth: rate at which the prior grows towards the last time [1/s].
+    Information matrices are in the tangent space, `(n, nv, nv)`; `growth` is that of the prior
+    [1/s].
     """
 
     def __init__(
@@ -89,15 +85,16 @@ class SmoothingSpline:
             density = _likely_density(b, penalty, x[:, j], variances[:, j], median)
             normal[j, :, j, :] += np.diag(penalty) / density
         right = np.einsum("kjl,kl,ka->ja", weights, x, b, optimize=True).ravel()
-        inverse = _inverse(normal.reshape(nv * size, nv * size))
+        normal = normal.reshape(nv * size, nv * size)
+        scale = 1.0 / np.sqrt(normal.diagonal())  # entries differ by many decades
+        inverse = np.linalg.inv(normal * scale * scale[:, None]) * scale * scale[:, None]
         self._covariance = inverse.reshape(nv, size, nv, size)
         self._coefficients = (inverse @ right).reshape(nv, size)
 
     def _set_basis(self, times: Array, growth: float) -> Array:
-        """Set the basis of splines, and return the penalty of the roughness of each.
+        """Set a basis of splines with a diagonal penalty, 0 for quadratics, and return the penalty.
 
-        In this basis the penalty is diagonal, and 0 for quadratics (Demmler & Reinsch 1975, Numer
-        Math 24:375), so that strong smoothing loses no digits.
+        Strong smoothing then loses no digits (Demmler & Reinsch 1975, Numer Math 24:375).
         """
         duration = self.end - self.begin
         count = int(np.clip(duration / KNOT_SPACING, 4, min(MOST_KNOTS, len(times))))
@@ -135,12 +132,6 @@ class SmoothingSpline:
         x, *rates = rows @ self._coefficients.T
         jacobian = pin.dIntegrate(self.model, self.reference, x, pin.ARG1)
         return np.concatenate([jacobian @ rate for rate in rates])
-
-
-def _inverse(matrix: Array) -> Array:
-    """Return the inverse of a positive definite matrix whose entries differ by many decades."""
-    scale = 1.0 / np.sqrt(matrix.diagonal())
-    return np.asarray(np.linalg.inv(matrix * scale * scale[:, None]) * scale * scale[:, None])
 
 
 def _likely_density(b: Array, penalty: Array, y: Array, variances: Array, median: float) -> float:

@@ -44,17 +44,11 @@ OTHER_UNITS = (
 drag and lift may fall slower or faster than in free fall. For feet the range is narrow, because
 lift alone can make a ball fall as fast as a number in feet seems to."""
 
-YARDS = 1.0936
-"""Yards per metre: a ball in yards falls as one in metres does whose top spin adds 9 %."""
-
 C3D_MEMORY, C3D_TIME = 2**31, 60.0
 """Memory [bytes] and processor time [s] in which a C3D file is read."""
 
 LARGEST = 1e12
 """Largest number of a track [s, m]: larger ones are faults of a clock or of a file."""
-
-SOUND = 340.0
-"""Speed of sound [m/s], which no ball of a game reaches."""
 
 FASTEST_BALL = 60.0
 """Speed of a kicked ball [m/s] above which other units do not explain it either."""
@@ -74,20 +68,11 @@ UNIT = re.compile(r"(.+?)\s*[\[(]\s*(\w+)\s*[\])]|(.+?)[_ ](mm?|m?s)", re.IGNORE
 SEPARATORS = (",", ";", "\t", None)
 """What stands between the columns of a file; None is blanks."""
 
-COMMENTS = ("#", "%")
-"""Beginnings of lines that are comments."""
-
 MISSING = {"", "na", "n/a", "nan", "null", "none"}
 """What stands for a value that is missing, in lower case."""
 
-MOST_LETTERS = 100
-"""Letters of a name with its unit: a pattern takes long for thousands of blanks."""
-
 MOST_TITLES = 50
 """Lines among which the names of the columns are sought."""
-
-LEAST_SENTINEL = 999.0
-"""Size from which three equal coordinates stand for a measurement that is missing."""
 
 
 @contextlib.contextmanager
@@ -173,11 +158,7 @@ class Track(ValueEquality, ReprMixin):
         return int(self.times.size)
 
     def __getitem__(self, index: slice) -> "Track":
-        """Return a part of the track.
-
-        Raises:
-            InvalidInput: an index that is no slice, or a slice without a sample.
-        """
+        """Return a part of the track; raise `InvalidInput` unless it is a slice with a sample."""
         if not isinstance(index, slice):
             raise InvalidInput(
                 f"track[{index!r}]: a part of a track is a slice such as track[10:60]"
@@ -234,10 +215,9 @@ class Track(ValueEquality, ReprMixin):
     @classmethod
     @validation.check_arguments
     def from_c3d(cls, file: str | PathLike[str], marker: str | None = None) -> "Track":
-        """Read a track from a C3D file of a motion capture system.
+        """Read a track from a C3D file of a motion capture system, in metres by its unit.
 
-        Needs ezc3d, `pip install "kickdyn[c3d]"`. Frames in which the marker was not seen are gaps
-        and are left out. Positions are converted to metres by the unit that the file names.
+        Needs ezc3d, `pip install "kickdyn[c3d]"`. Frames without the marker are left out.
 
         Args:
             file: the file, up to 64 MB, with its z axis up.
@@ -245,8 +225,7 @@ class Track(ValueEquality, ReprMixin):
                 the only one of the file.
 
         Raises:
-            FaultyFile: the file cannot be read, does not have the marker, or does not name its
-                unit or its rate.
+            FaultyFile: the file cannot be read, or lacks the marker, its unit or its rate.
             InvalidInput: the package ezc3d is not installed.
         """
         source = str(file)
@@ -290,7 +269,8 @@ def _read_rows(lines: Sequence[str], names: Sequence[str]) -> tuple[Array, list[
         row = _cells(line, separator)
         cells = [row[place] if place < len(row) else "" for place, _ in columns]
         is_gap = any(x.lower().lstrip("+-") in MISSING for x in cells)
-        if is_gap or row[0].startswith(COMMENTS):
+        # beginnings of lines that are comments
+        if is_gap or row[0].startswith(("#", "%")):
             continue
         if number == first + 1:
             given = [
@@ -339,10 +319,7 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 
 def _find_columns(header: Sequence[str], names: Sequence[str]) -> list[tuple[int, float]]:
-    """Return place and unit of the columns for t, x, y, z; none unless each is named once.
-
-    A name of another case is found, or with one of `UNITS`, if there is none that is the same.
-    """
+    """Return place and unit of the columns for t, x, y, z; none unless each is named once."""
     found = []
     for name, units in zip(names, UNITS, strict=True):
         split = [_name_and_unit(cell, units) for cell in header]
@@ -356,7 +333,8 @@ def _find_columns(header: Sequence[str], names: Sequence[str]) -> list[tuple[int
 
 def _name_and_unit(cell: str, units: Mapping[str, float]) -> tuple[str, float]:
     """Return the name of a column in lower case, and its unit, 1 where none of the units is."""
-    match = UNIT.fullmatch(cell[:MOST_LETTERS])
+    # letters of a name with its unit: a pattern takes long for thousands of blanks
+    match = UNIT.fullmatch(cell[:100])
     unit = (match[2] or match[4]).lower() if match else ""
     if match is None or unit not in units:
         return cell.casefold(), 1.0
@@ -406,10 +384,7 @@ def _without_gaps(rows: Array, units: Sequence[float]) -> tuple[Array, Array, tu
 
 
 def find_label(name: str, labels: Sequence[str], where: str) -> int:
-    """Return the number of a marker; `RASI` finds `Anna:RASI`, if no other subject has it.
-
-    Raises `InvalidInput` if there is no such marker, or several.
-    """
+    """Return the number of a marker, or raise `InvalidInput`; `RASI` finds the only `Anna:RASI`."""
     ends = [k for k, label in enumerate(labels) if label == name]
     ends = ends or [k for k, label in enumerate(labels) if label.endswith(f":{name}")]
     if len(ends) > 1:
@@ -424,7 +399,8 @@ def _missing(positions: Array) -> NDArray[np.bool_]:
     """Return which positions, `(..., 3)`, stand for missing ones: 0, 0, 0, or -9999 thrice."""
     number = positions[..., 0]
     same = (positions == number[..., None]).all(axis=-1)
-    return np.asarray(same & ((number == 0.0) | (np.abs(number) >= LEAST_SENTINEL)))
+    # size from which three equal coordinates stand for a measurement that is missing
+    return np.asarray(same & ((number == 0.0) | (np.abs(number) >= 999.0)))
 
 
 def _within_reach(times: Array, positions: Array, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -445,8 +421,8 @@ def _within_reach(times: Array, positions: Array, missing: NDArray[np.bool_]) ->
 def c3d_content(file: str | PathLike[str]) -> tuple[list[str], float, float, int, Array]:
     """Return labels, unit [m], rate [Hz], first frame and positions `(markers, n, 3)` of a C3D.
 
-    Positions of 0, 0, 0 are gaps, NaN. Raises `FaultyFile`, or `InvalidInput` where ezc3d is not
-    installed.
+    Gaps are NaN. A child process reads the file, because on damaged ones ezc3d may crash, take all
+    memory, or never end. With `-P` it imports nothing from the working directory.
     """
     source = str(file)
     if find_spec("ezc3d") is None:
@@ -454,7 +430,21 @@ def c3d_content(file: str | PathLike[str]) -> tuple[list[str], float, float, int
             'C3D files need the package ezc3d: install it with pip install "kickdyn[c3d]"'
         )
     check_file(file, source, LARGEST_FILE, FaultyFile)
-    labels, unit, rate, first_frame, data = _c3d_content(file, source)
+    code = f"from {__name__} import _send_c3d; _send_c3d()"
+    paths = os.pathsep.join(filter(None, sys.path))
+    try:
+        child = subprocess.run(
+            [sys.executable, "-P", "-c", code, os.fspath(file), str(C3D_MEMORY),
+             str(math.ceil(C3D_TIME))],
+            capture_output=True, timeout=10.0 * C3D_TIME, check=True,
+            env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"},
+        )  # fmt: skip
+        with np.load(io.BytesIO(child.stdout)) as content:
+            labels, (unit,) = content["labels"].tolist(), content["unit"].tolist()
+            rate, first_frame = float(content["rate"]), int(content["first"])
+            data = content["data"]
+    except (subprocess.SubprocessError, OSError, ValueError, LookupError, BadZipFile):
+        raise FaultyFile(source, ["is not a C3D file that ezc3d can read"]) from None
     if unit.lower() not in METRES or not rate > 0.0:
         fault = (
             f"its unit is {unit!r} and its rate {rate:g} Hz: the unit must be one of "
@@ -471,33 +461,8 @@ def with_gaps(positions: Array) -> Array:
     return np.where(_missing(positions)[..., None], np.nan, positions)
 
 
-def _c3d_content(
-    file: str | PathLike[str], source: str
-) -> tuple[list[str], str, float, int, Array]:
-    """Return labels, unit, rate [Hz], first frame and positions `(markers, n, 3)` of a C3D file.
-
-    A child process reads it, because on damaged files ezc3d may crash, take all memory, or never
-    end. With `-P` it imports nothing from the working directory, which may come from anyone.
-    """
-    code = f"from {__name__} import _send_c3d; _send_c3d()"
-    paths = os.pathsep.join(filter(None, sys.path))
-    try:
-        child = subprocess.run(
-            [sys.executable, "-P", "-c", code, os.fspath(file), str(C3D_MEMORY),
-             str(math.ceil(C3D_TIME))],
-            capture_output=True, timeout=10.0 * C3D_TIME, check=True,
-            env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"},
-        )  # fmt: skip
-        with np.load(io.BytesIO(child.stdout)) as content:
-            labels, (unit,) = content["labels"].tolist(), content["unit"].tolist()
-            rate, first_frame = float(content["rate"]), int(content["first"])
-            return labels, unit, rate, first_frame, np.asarray(content["data"])
-    except (subprocess.SubprocessError, OSError, ValueError, LookupError, BadZipFile):
-        raise FaultyFile(source, ["is not a C3D file that ezc3d can read"]) from None
-
-
 def _send_c3d() -> None:
-    """Write what `_c3d_content` returns to standard output; arguments: file, memory, time."""
+    """Write what `c3d_content` loads to standard output; arguments: file, memory, time."""
     with contextlib.suppress(ImportError, ValueError):  # Windows has no limits
         import resource
 
@@ -517,10 +482,7 @@ def _send_c3d() -> None:
 
 
 def _arrays_of(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is read of a C3D file from the content that ezc3d gives.
-
-    The first labels are in use, one for each point; lists of more than 255 go on as LABELS2.
-    """
+    """Return what is read of a C3D file from the content that ezc3d gives."""
     points, data = content["parameters"]["POINT"], content["data"]["points"]
     lists = [points[key]["value"] for k in ("", *range(2, 100)) if (key := f"LABELS{k}") in points]
     labels = [str(label).strip() for labels in lists for label in labels]
@@ -577,7 +539,7 @@ def refuse_units(track: Track, falling: float) -> None:
         )
     steps = np.linalg.norm(np.diff(track.positions, axis=0), axis=1) / np.diff(track.times)
     speed = float(np.median(steps))
-    if speed > SOUND:
+    if speed > 340.0:  # speed of sound [m/s], which no ball of a game reaches
         units = [unit for unit, size, *_ in OTHER_UNITS[:2] if speed < FASTEST_BALL * size]
         likely = f", as with positions in {' or '.join(units)}" if units else ""
         raise InvalidInput(
@@ -592,11 +554,9 @@ def mean_acceleration(track: Track) -> Array:
 
 
 def doubts_of_track(track: Track, falling: float) -> tuple[str, ...]:
-    """Return the warnings of a track, and a line if it may be in yards.
-
-    `falling` is the acceleration of the ball downwards [m/s2].
-    """
-    if abs(falling / (GRAVITY * YARDS) - 1.0) > 0.02:
+    """Return the warnings of a track, and a line if the ball seems to fall in yards."""
+    # yards per metre: a ball in yards falls as one in metres does whose top spin adds 9 %
+    if abs(falling / (GRAVITY * 1.0936) - 1.0) > 0.02:
         return track.warnings
     line = f"the ball falls with {falling:.4g} per s2, as in yards: positions must be in metres"
     return (*track.warnings, line)

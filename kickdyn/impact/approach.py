@@ -62,7 +62,7 @@ class Approach(NamedTuple):
     def contact_problem(self) -> ContactProblem:
         """Return the problem for an impact law; raise `InvalidInput` if nothing moves along n."""
         posture, contact = self.posture, self.contact
-        factor = posture.delassus_factor()
+        factor = posture.whitened_jacobian
         if self.ball.mass == math.inf:
             row = contact.normal.dot(factor)
             if validation.length(row) <= IMMOBILE * np.abs(factor).max():

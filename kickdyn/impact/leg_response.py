@@ -44,9 +44,6 @@ def leg_response(posture: Posture, v: Array, impulse: Array) -> LegResponse:
         jump, constraint_impulses = posture.respond(-impulse.dot(posture.jacobian))
         return response_to_jump(posture, v, jump, impulse, constraint_impulses)
     leg, wrench = posture.leg, foot_wrench(posture, -impulse)
-    if posture.is_ill_conditioned:  # a Cholesky factor of M would lose five digits at 500 joints
-        answer = posture.articulated_bodies.respond(leg.contact_joint, np.array(wrench))
-        return _as_response(posture, v, impulse, NO_CONSTRAINTS, *answer)
     space, zero = leg.workspace, leg.workspace.zero_velocity
     space.external_wrenches.fill(0.0)  # of the impact before
     space.external_wrenches[leg.contact_joint] = wrench

@@ -49,10 +49,16 @@ from kickdyn.motion.limits import (
 from kickdyn.motion.motion_program import Rows, SymbolicTree, make_rows
 from kickdyn.restitution import rows_of
 from kickdyn.robot.ground_clearance import Spheres, extreme_spheres
-from kickdyn.robot.kicking_chain import UNLIMITED, assumed_speed_limit
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.names import MAX_FAULTY, listed
-from kickdyn.robot.standing import Foot, StandingRobot, joint_spheres, sole_edges
+from kickdyn.robot.standing import (
+    UNLIMITED,
+    Foot,
+    StandingRobot,
+    assumed_speed_limit,
+    joint_spheres,
+    sole_edges,
+)
 
 UNDER, BESIDE = (14, 0.4), (6, 0.6)
 """Numbers of spheres that span the kicking foot downwards and towards the other foot, each of which

@@ -18,10 +18,9 @@ from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.motion.motion_file import MotionSamples, write_motion
 from kickdyn.motion.weight_shift import WeightShift
-from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
-from kickdyn.robot.standing import is_floating, place_base
+from kickdyn.robot.standing import is_floating, place_base, rest_configuration
 from kickdyn.robot.surgery import coordinate_indices
 
 DRAWN_TIMES = 400

@@ -53,7 +53,7 @@ from kickdyn.motion.motion_program import (
 )
 from kickdyn.motion.separation import BALL_RESERVE, RESERVE, Conditions, Surroundings
 from kickdyn.motion.weight_shift import Feet
-from kickdyn.robot.kicking_chain import rest_configuration
+from kickdyn.robot.standing import rest_configuration
 
 JERK, ENDS, SHARE = {False: 1e-8, True: 1e-7}, 0.1, 3.0
 """Weights of the objective: of the jerk over n [s5/rad2], by whether the robot stands on a foot, of

@@ -15,8 +15,8 @@ from kickdyn.motion.motion_problem import MotionProblem
 from kickdyn.motion.motion_program import MotionSplines, Solution
 from kickdyn.motion.separation import Conditions, Surroundings, with_former
 from kickdyn.motion.verdict import POINTS, Nearness, Verdict, best_of
-from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.standing import kicking_chain, rest_configuration
 
 ASIDE, ASIDE_DRAWN = 0.02, 400
 """Distance of limbs that stay aside of a motion from other bodies [m], and number of postures of a

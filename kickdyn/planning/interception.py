@@ -24,10 +24,9 @@ from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground
 from kickdyn.robot.ground_clearance import find_depths
-from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frames_by_name
-from kickdyn.robot.standing import StandingRobot, is_floating
+from kickdyn.robot.standing import StandingRobot, is_floating, kicking_chain, rest_configuration
 
 FASTEST_BALL = 100.0
 """Largest speed of a ball that is met [m/s]."""

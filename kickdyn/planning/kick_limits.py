@@ -28,10 +28,15 @@ from kickdyn.planning.problem import TOLERANCE, Bounds, Function, Kind
 from kickdyn.robot.collisions import TOUCHING, Body, Placed, Proximity
 from kickdyn.robot.ground_clearance import LARGEST_MESH, body_frames, extreme_spheres
 from kickdyn.robot.human_body import muscle_share, muscle_share_slope
-from kickdyn.robot.kicking_chain import assumed_speed_limit, rest_configuration
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import frames_by_name
-from kickdyn.robot.standing import StandingRobot, joint_spheres, sole_edges
+from kickdyn.robot.standing import (
+    StandingRobot,
+    assumed_speed_limit,
+    joint_spheres,
+    rest_configuration,
+    sole_edges,
+)
 
 WITHOUT_LIMITS = "it has one without its speed and torque limits"
 """The explanation of a limit of speed or torque."""

@@ -45,9 +45,8 @@ from kickdyn.planning.kick_terms import (
 from kickdyn.planning.problem import TOLERANCE, Function, Kind, Problem, Term
 from kickdyn.robot.collisions import Body, bodies_at, find_self_collisions
 from kickdyn.robot.ground_clearance import TOLERANCE as ON_GROUND
-from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.standing import StandingRobot, is_floating
+from kickdyn.robot.standing import KickingChain, StandingRobot, is_floating, kicking_chain
 from kickdyn.robot.surgery import turn_body
 
 DRAWN, STARTS, RATED, WIDELY_DRAWN = 80, 4, 20, 80

@@ -40,9 +40,9 @@ from kickdyn.planning.kick_terms import (
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
 from kickdyn.planning.meeting import Meeting
 from kickdyn.planning.passes import Pass, plan_pass
-from kickdyn.robot.kicking_chain import with_angles
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.names import MAX_FAULTY, listed
+from kickdyn.robot.standing import with_angles
 
 LONGEST_COURSE = 10.0
 """Time for which each flight, and rolling, of a trapped ball is followed at most [s]."""

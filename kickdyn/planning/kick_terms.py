@@ -27,13 +27,13 @@ from kickdyn.impact.leg_derivatives import leg_derivatives
 from kickdyn.impact.leg_response import joint_impulses
 from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.planning.problem import Function, Kind
-from kickdyn.robot.kicking_chain import (
+from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.standing import (
     UNLIMITED,
     assumed_speed_limit,
     kicking_chain,
     rest_configuration,
 )
-from kickdyn.robot.leg import Leg, Posture
 
 DIFFERENCE_STEP = 1e-7
 """Step of the unknowns in the differences that stand for derivatives."""

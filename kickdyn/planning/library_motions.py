@@ -35,9 +35,8 @@ from kickdyn.planning.kick import motion_task
 from kickdyn.planning.kick_problem import kick_problem
 from kickdyn.planning.kick_reader import KickReader, launch_velocity
 from kickdyn.planning.kick_steps import one_thread
-from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.standing import is_floating
+from kickdyn.robot.standing import is_floating, kicking_chain, rest_configuration
 
 LAUNCH_ERROR, ANGLE_ERROR = 1e-3, math.radians(0.1)
 """Largest error of a launch by `strike`, relative to its speed, and of its direction [rad]."""

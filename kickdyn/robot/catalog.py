@@ -53,9 +53,9 @@ class Robot:
         foot, stance: frames of the right and of the left foot.
         legs: how the names of the legs' joints begin.
         contact_points: of the `SURFACES` that the right foot has, from the origin of `foot` [m,
-            world axes, straight leg]. Read off the visual mesh: there a ball of size 5 overlaps
-            least with the foot, struck along any normal of the surface. No instep where a motor
-            fills that place, no edge of the sole where it is bevelled or round.
+            world axes, straight leg]: there a ball of size 5 overlaps least with the visual mesh.
+            No instep where a motor fills that place, no edge of the sole where it is bevelled or
+            round.
         steepest: of the toe's normals [deg], above which the ball would reach into instep or shank.
         aside: joints of the arms that are not at 0 where only the legs move [rad].
         turn_deg: roll, pitch and yaw that bring its base's axes to x forward, z up.
@@ -84,7 +84,7 @@ class Robot:
 def normal_cone(direction: float, low: float, high: float) -> Array:
     """Return rows a of the cone of normals n, a n >= 0, that meet a ball, shape `(4, 3)`.
 
-    They are up to `SIDE` to either side of a direction, which is to the left of x, and rise by an
+    They are up to `SIDE` to either side of a direction [rad, to the left of x], and rise by an
     angle from `low` to `high` [rad].
     """
     rows = np.array([
@@ -146,11 +146,11 @@ def robots_folder() -> Path:
 
 
 def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:
-    """Return the URDF or MJCF file of a robot of robot_descriptions, and folders with its meshes.
-
-    It is downloaded the first time.
-    """
-    available = _description_names()
+    """Return the file of a robot of robot_descriptions, downloaded at first, and mesh folders."""
+    try:
+        available = import_module("robot_descriptions").DESCRIPTIONS
+    except ImportError:
+        available = {}
     if name not in available:
         matches = get_close_matches(str(name)[:200], [*ROBOTS, *available], 1)
         hint = f"did you mean {matches[0]!r}? " if matches else ""
@@ -163,7 +163,10 @@ def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:
         with redirect_stdout(sys.stderr):  # it prints what it downloads
             module = import_module(f"robot_descriptions.{name}")
     except Exception as error:  # of git, of files, of a network
-        reason = _reason(error)
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        # git's own line before that of its wrapper
+        fatal = [line.partition("fatal: ")[2].rstrip("'") for line in lines if "fatal: " in line]
+        reason = (fatal or lines or [type(error).__name__])[0][:200]
     if reason is not None:  # not raised above: the line of its progress ends with the exception
         raise InvalidInput(
             f"robot {name!r} is not on this machine, and cannot be downloaded ({reason}): "
@@ -178,19 +181,3 @@ def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:
         )
     package, repository = Path(module.PACKAGE_PATH), Path(module.REPOSITORY_PATH)
     return Path(path), (package, repository, package.parent)
-
-
-def _description_names() -> list[str]:
-    """Return the names of robot_descriptions; none if it is not installed."""
-    try:
-        from robot_descriptions import DESCRIPTIONS
-    except ImportError:
-        return []
-    return list(DESCRIPTIONS)
-
-
-def _reason(error: Exception) -> str:
-    """Return the first line that says what went wrong, git's own before its wrapper's."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    fatal = [line.partition("fatal: ")[2].rstrip("'") for line in lines if "fatal: " in line]
-    return (fatal or lines or [type(error).__name__])[0][:200]

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array
 from kickdyn.robot.ground_clearance import LARGEST_MESH, Spheres, body_frames, shapes_of
-from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
-from kickdyn.robot.package_files import read_xml
+from kickdyn.robot.robot_file import read_xml
+from kickdyn.robot.standing import rest_configuration
 
 TOUCHING = 5e-3
 """Depth up to which a body counts as touching the ball or another body [m].
@@ -38,13 +38,9 @@ THICKNESS = 1e-3
 
 
 class Body(NamedTuple):
-    """A convex shape at a frame.
+    """A convex shape of coal, with its `pin.SE3` in the frame of a name.
 
-    Attributes:
-        frame: name of the frame.
-        shape: of coal.
-        pose: `pin.SE3` of the shape in the frame; its origin is in the middle of the shape.
-        reach: largest distance of the shape from that origin [m].
+    Its origin is in its middle; `reach` is its largest distance from there [m].
     """
 
     frame: str
@@ -72,13 +68,7 @@ _known: WeakKeyDictionary[Leg, dict[tuple[str, bool], list[Body]]] = WeakKeyDict
 
 
 class BodyPairs(NamedTuple):
-    """Pairs of bodies.
-
-    Attributes:
-        bodies: of the pairs.
-        first, second: indices of each pair's bodies, shape `(k,)`.
-        reach: of each pair's bodies together, shape `(k,)` [m].
-    """
+    """Pairs of bodies by indices, shape `(k,)`, and the `reach` of both bodies together [m]."""
 
     bodies: list[Body]
     first: NDArray[np.int64]
@@ -136,27 +126,24 @@ def ball_proximity(body: Body, centre: Array, radius: float) -> Proximity:
     """Return depth, point and normal of a body in a ball at a place, all in the body's frame."""
     import coal
 
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
     pose = coal.Transform3s(body.pose.rotation, body.pose.translation)
-    ball = coal.Sphere(radius), coal.Transform3s(np.eye(3), centre)
-    coal.distance(body.shape, pose, *ball, request, result)
+    return _proximity(body.shape, pose, coal.Sphere(radius), coal.Transform3s(np.eye(3), centre))
+
+
+def _proximity(shape: Any, pose: Any, other: Any, other_pose: Any) -> Proximity:
+    """Return the depth of a shape of coal in another, its point there, and the normal."""
+    import coal
+
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    coal.distance(shape, pose, other, other_pose, request, result)
     return Proximity(-result.min_distance, result.getNearestPoint1(), result.normal)
 
 
 class Placed:
-    """The bodies of a leg at a configuration.
-
-    Args:
-        leg: with the shapes.
-        frames: numbers of its frames in `model`, by name.
-        model, data: of the leg, or of a part of it.
-        q: configuration of the model, shape `(nq,)`.
-    """
+    """The bodies of a leg at q; `frames` are numbers in the model, of the leg or a part of it."""
 
     def __init__(self, leg: Leg, frames: Mapping[str, int], model: Any, data: Any, q: Array):
-        import coal
-
-        self._coal, self._leg, self._placed = coal, leg, dict[int, tuple[Body, Any]]()
+        self._leg, self._placed = leg, dict[int, tuple[Body, Any]]()
         pin.forwardKinematics(model, data, q)
         pin.updateFramePlacements(model, data)
         self.poses = {name: data.oMf[number].copy() for name, number in frames.items()}
@@ -188,21 +175,20 @@ class Placed:
     def place_ball(self, centre: Array, radius: float) -> Body:
         """Return a ball as a body of the frame `BALL`, which moves there [m, world frame]."""
         self.poses[BALL] = pin.SE3(np.eye(3), centre)
-        return Body(BALL, self._coal.Sphere(radius), pin.SE3.Identity(), radius)
+        return body_of(BALL, Spheres(np.zeros((1, 3)), np.array([radius])))
 
     def _place(self, body: Body) -> Any:
         """Return a body's pose in the world, of coal: it is asked for with many other bodies."""
         if id(body) not in self._placed:
+            import coal
+
             pose = self.poses[body.frame] * body.pose
-            self._placed[id(body)] = body, self._coal.Transform3s(pose.rotation, pose.translation)
+            self._placed[id(body)] = body, coal.Transform3s(pose.rotation, pose.translation)
         return self._placed[id(body)][1]
 
     def proximity(self, body: Body, other: Body) -> Proximity:
         """Return depth, point and normal of a body in another [m, world frame]."""
-        request, result = self._coal.DistanceRequest(), self._coal.DistanceResult()
-        places = self._place(body), self._place(other)
-        self._coal.distance(body.shape, places[0], other.shape, places[1], request, result)
-        return Proximity(-result.min_distance, result.getNearestPoint1(), result.normal)
+        return _proximity(body.shape, self._place(body), other.shape, self._place(other))
 
     def find_overlaps(self, pairs: Iterable[tuple[Body, Body]]) -> dict[tuple[str, str], float]:
         """Return the depths of bodies inside each other [m], by frames, the deepest first."""
@@ -233,9 +219,8 @@ def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
 def body_pairs(leg: Leg) -> BodyPairs:
     """Return the pairs of a leg's bodies that must not be inside each other.
 
-    Bodies of one joint or of a joint and the body that carries it do not count, nor do those that
-    `find_forks` returns, pairs that the SRDF beside the URDF disables (`disable_collisions`), or
-    pairs that touch where all joints are at rest.
+    Bodies of one joint or of a joint and its carrier do not count, nor pairs of `find_forks`, pairs
+    that the SRDF beside the URDF disables, or pairs that touch where all joints are at rest.
     """
     if leg not in _pairs:
         space, frames = leg.workspace, body_frames(leg)
@@ -269,8 +254,8 @@ def _carrier(model: Any, joint: int) -> int:
 def find_forks(leg: Leg) -> set[frozenset[str]]:
     """Return the pairs of frames whose bodies are on both sides of two joints whose axes meet.
 
-    Such bodies, as of an ankle, are forks around the place of the meeting, and their hulls are not.
-    Ranges of the joints keep them apart. A body counts if the sphere around it includes that place.
+    They are forks around the place of the meeting, as of an ankle, and their hulls are not; ranges
+    of the joints keep them apart. A body counts if the sphere around it includes that place.
     """
     model, data, frames = leg.workspace.model, leg.workspace.data, body_frames(leg)
     pin.computeJointJacobians(model, data, rest_configuration(leg))
@@ -302,22 +287,17 @@ def find_forks(leg: Leg) -> set[frozenset[str]]:
 
 def _includes(bodies: Sequence[Body], point: Array) -> bool:
     """Return whether a sphere around bodies of a frame includes a point, in the frame's axes."""
-    if not bodies:
-        return False
-    places = np.array([body.pose.translation for body in bodies])
-    centre = places.mean(axis=0)
+    places = np.array([body.pose.translation for body in bodies]).reshape(-1, 3)
+    centre = places.sum(axis=0) / max(len(places), 1)
     reach = np.linalg.norm(places - centre, axis=1) + [body.reach for body in bodies]
-    return bool(np.linalg.norm(point - centre) < reach.max())
+    return bool(np.linalg.norm(point - centre) < reach.max(initial=0.0))
 
 
 def disabled_pairs(leg: Leg) -> set[frozenset[str]]:
     """Return the pairs of links that the SRDF of a leg's file disables; none without one.
 
     It lies beside the file or in the folder `srdf` beside its folder, under the name of the file or
-    of the robot.
-
-    Raises:
-        FaultyFile: it is not XML.
+    of the robot. Raises `FaultyFile` if it is not XML.
     """
     if leg.file is None:
         return set()

@@ -27,12 +27,6 @@ from kickdyn.robot.surgery import has_floating_base
 LOOP_TOLERANCE = 1e-9
 """Largest gap of a loop that counts as closed [m]."""
 
-COINCIDENCE_TOLERANCE = 1e-6
-"""Largest distance of frames that coincide [m]: a URDF has about as many digits."""
-
-LEAST_SOLE_WIDTH = 1e-6
-"""Least width of a sole, as a fraction of its length."""
-
 RANK_TOLERANCE = 1e-9
 """Least fraction of a row, in the metric of inertia, that is independent of the other rows."""
 
@@ -76,7 +70,7 @@ class Support(ValueEquality):
                 "of a flat foot, three or more"
             )
         extent = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
-        if not extent[1] > LEAST_SOLE_WIDTH * extent[0]:
+        if not extent[1] > 1e-6 * extent[0]:  # least width of a sole, as a fraction of its length
             raise InvalidInput(
                 f"sole of {self.frame} is {corners.tolist()}: its corners must span an area"
             )
@@ -131,6 +125,7 @@ class Constraints:
         stiff_joints: indices in v of the stiff joints.
         sizes: number of rows of each, in this order; 1 for a mimic joint or a stiff joint.
         starts: first row of each, and the number of all rows, `size`, at the end.
+        loop_rows, gear_rows, stiff_rows: rows of loops, mimic joints and stiff joints in A.
         names: what each of them is called in messages.
 
     Raises:
@@ -159,13 +154,16 @@ class Constraints:
         self._ends = [*((None, place) for place in supported), *self._looped]
         for support, place in zip(supports, supported, strict=True):
             _check_stance(model, support.frame, place.joint, contact_joint)
-        for (a, b), (first, second) in zip(loops, self._looped, strict=True):
-            if first.joint == second.joint:
+        for (a, b), (start, end) in zip(loops, self._looped, strict=True):
+            if start.joint == end.joint:
                 raise InvalidInput(f"loop {a} - {b} joins a body to itself: name two bodies")
         self.sizes = [support.size for support in supports] + [3] * len(loops)
         self.sizes += [1] * (len(gears.mimics) + len(stiff_joints))
         self.starts = [0, *accumulate(self.sizes)]
         self.size = self.starts[-1]
+        first, last = self.starts[len(named)], self.size - len(stiff_joints)
+        self.loop_rows = slice(self.starts[len(supports)], first)
+        self.gear_rows, self.stiff_rows = slice(first, last), slice(last, self.size)
         self.names = [s.frame for s in supports] + [f"{a} - {b}" for a, b in loops]
         self.names += [f"{mimic.joint}, which mimics {mimic.driver}" for mimic in gears.mimics]
         self.names += [f"{joint}, which is stiff" for joint in stiff_joints]
@@ -174,8 +172,8 @@ class Constraints:
         """Return A with A v = 0, shape `(size, nv)` [world axes], and where its impulses act.
 
         Kinematics must have run at `q`. Rows of a support are the velocity of its frame, linear
-        then angular; of a loop, of its second frame's origin relative to the first's. Rows of
-        mimic joints and of stiff joints have no block: their impulses are along joint axes.
+        then angular; of a loop, of its second frame's origin relative to the first's. Mimic joints
+        and stiff joints have no block: their impulses are along joint axes.
         """
         matrix, blocks, span = np.empty((self.size, model.nv)), [], slice(0, 0)
         for (start, end), size in zip(self._ends, self.sizes, strict=False):
@@ -198,22 +196,6 @@ class Constraints:
             matrix[self.stiff_rows] = 0.0
             matrix[range(self.stiff_rows.start, self.size), self.stiff_joints] = 1.0
         return matrix, blocks
-
-    @property
-    def loop_rows(self) -> slice:
-        """The rows of the loops in A."""
-        start = sum(support.size for support in self.supports)
-        return slice(start, start + 3 * len(self.loops))
-
-    @property
-    def stiff_rows(self) -> slice:
-        """The rows of the stiff joints in A, the last ones."""
-        return slice(self.size - len(self.stiff_joints), self.size)
-
-    @property
-    def gear_rows(self) -> slice:
-        """The rows of the mimic joints in A, before those of the stiff joints."""
-        return slice(self.loop_rows.stop, self.stiff_rows.start)
 
     def bias(self, model: Any, data: Any, q: Array, v: Array) -> Array:
         r"""Return :math:`\dot A v`, shape `(size,)` [m/s2, rad/s2]; it runs the kinematics."""
@@ -284,10 +266,7 @@ class Constraints:
         )
 
     def _newton(self, model: Any, data: Any, q: Array, free: Array) -> tuple[Array, Array, int]:
-        """Return the best configuration that was met, its gaps and the rank of the last step.
-
-        Each step is the smallest that closes the loops to first order, half a radian at most.
-        """
+        """Return the best configuration of Newton's method, its gaps, and the last step's rank."""
         best, narrowest, rank = q, np.full((len(self.loops), 3), np.inf), 0
         for _ in range(50):
             pin.forwardKinematics(model, data, q)
@@ -363,18 +342,12 @@ class ConstraintProjector(ReadOnlyArrays):
         return np.asarray(self._least_impulses @ -blocked)
 
     def correction(self, rates: Array) -> Array:
-        """Return the shortest whitened velocity w with W^T w = rates, of the independent rows.
-
-        It is the change of least kinetic energy that gives A v these values, shape `(size,)`.
-        """
+        """Return the shortest whitened velocity w with W^T w = rates, shape `(size,)`."""
         scaled = (rates / self._length)[self.independent]
         return np.asarray(self._basis.dot(blas.dtrsv(self._factor, scaled, trans=1)))
 
     def find_violation(self, v: Array) -> tuple[str, float, str] | None:
-        """Return the constraint that a velocity breaks fastest, its speed and the unit.
-
-        None if that is the rounding of the fastest joint.
-        """
+        """Return the constraint that a velocity breaks most, speed and unit; None if rounding."""
         speeds, fastest = abs(self.rows.dot(v)).tolist(), max(map(abs, v.tolist()))
         reaches, starts = abs(self.rows).sum(axis=1).tolist(), self.constraints.starts
         # of the three parts of a velocity, one alone may be rounding
@@ -397,9 +370,8 @@ class ConstraintProjector(ReadOnlyArrays):
 def find_open_loops(model: Any, data: Any) -> list[tuple[str, str]]:
     """Return the pairs of frames that look like the two ends of a loop which was cut open.
 
-    URDF knows trees only, so that a closed linkage is cut at a pin, whose two halves are marked by
-    links without mass. Such a link is fixed to its body, nothing hangs on it, and it is in the same
-    place as another one when all joints are at 0; neither body carries the other.
+    They are links without mass, fixed to their bodies, at one place while all joints are at 0;
+    neither body carries the other.
     """
     frames = list(model.frames)
     carrying = {int(frame.parentFrame) for frame in frames}
@@ -415,7 +387,8 @@ def find_open_loops(model: Any, data: Any) -> list[tuple[str, str]]:
     origins = [pin.updateFramePlacement(model, data, end).translation.copy() for end in ends]
     pairs = []
     for (i, first), (j, second) in combinations(zip(ends, origins, strict=True), 2):
-        if np.linalg.norm(first - second) <= COINCIDENCE_TOLERANCE:
+        # largest distance of frames that coincide [m]: a URDF has about as many digits
+        if np.linalg.norm(first - second) <= 1e-6:
             joints = [int(frames[end].parentJoint) for end in (i, j)]
             if not any(a in list(model.supports[b]) for a, b in (joints, joints[::-1])):
                 pairs.append((str(frames[i].name), str(frames[j].name)))

@@ -15,17 +15,13 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.catalog import SIDE, SURFACES, add_contact_points, normal_cone
-from kickdyn.robot.ground_clearance import find_unread, sphere_directions
+from kickdyn.robot.ground_clearance import find_unread
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frames_by_name
 from kickdyn.robot.standing import joint_bodies, joint_spheres
 
 LONGER = 1.2
 """Width of a foot over its length above which the robot seems to face another axis than x."""
-
-PATCH_DEPTH = 5e-3
-"""Depth under its tangent plane up to which a foot belongs to a surface [m]: a ball is pressed in
-by more than this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,19 +112,13 @@ def foot_surfaces(leg: Leg) -> dict[str, FootSurface]:
 
 
 def _foot_hull(leg: Leg) -> ConvexHull:
-    """Return the hull of the foot's shapes while all joints are at 0, from the contact frame [m].
-
-    It runs the kinematics of the workspace. Raises `InvalidInput` if the shapes span no volume.
-    """
+    """Return the hull of the foot's shapes with all joints at 0, from the contact frame [m]."""
     model, data, joint = leg.workspace.model, leg.workspace.data, leg.contact_joint
     pin.forwardKinematics(model, data, leg.configuration())
     origin = pin.updateFramePlacement(model, data, leg.frame_id).translation
     spheres = joint_spheres(leg, joint).moved(data.oMi[joint].homogeneous)
-    round_ones = spheres.radii > 0.0
-    reach = spheres.radii[round_ones, None, None] * sphere_directions()
-    bulges = (spheres.centres[round_ones, None] + reach).reshape(-1, 3)
     try:
-        return ConvexHull(np.vstack([spheres.centres, bulges]) - origin)
+        return ConvexHull(spheres.points - origin)
     except (QhullError, ValueError):
         unread = filter(None, (find_unread(leg, frame) for frame in joint_bodies(leg, joint)))
         reason = next((f" ({why}; --package-dir names the folder of meshes)" for why in unread), "")
@@ -140,8 +130,6 @@ def _foot_hull(leg: Leg) -> ConvexHull:
 
 def _with_doubt(leg: Leg) -> Leg:
     """Return the leg with a warning if its foot is longer across than along x."""
-    if leg.file is None:
-        return leg
     hull = _foot_hull(leg)
     along, across = (hull.max_bound - hull.min_bound)[:2]
     if across <= LONGER * along:
@@ -150,7 +138,7 @@ def _with_doubt(leg: Leg) -> Leg:
         f"the foot is {along:.3g} m long along x and {across:.3g} m along y: a robot that faces y "
         "or -y is turned by facing='y' or '-y' (--facing)"
     )
-    return replace(leg, file=replace(leg.file, warnings=(*leg.file.warnings, line)))
+    return leg.with_warnings(line)
 
 
 def _contact_point(hull: ConvexHull, normals: Array) -> Array:
@@ -167,7 +155,9 @@ def _size(hull: ConvexHull, normal: Array) -> Array:
     """Return the extent of a hull near its tangent plane, level and upwards, `(2,)` [m]."""
     edges = hull.points[hull.simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)]
     heights = edges @ normal
-    above = heights - (heights.max() - PATCH_DEPTH)
+    # depth under its tangent plane up to which a foot belongs to a surface [m]: a ball is pressed
+    # in by more than this
+    above = heights - (heights.max() - 5e-3)
     cut = above[:, 0] * above[:, 1] < 0.0
     share = above[cut, 0] / (above[cut, 0] - above[cut, 1])
     crossings = edges[cut, 0] + share[:, None] * (edges[cut, 1] - edges[cut, 0])

@@ -20,8 +20,7 @@ from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frames_by_name
-from kickdyn.robot.package_files import PackageFiles
-from kickdyn.robot.visuals import RobotFile, Shape, Visual, read_mesh
+from kickdyn.robot.robot_file import PackageFiles, RobotFile, Shape, Visual, read_mesh
 
 TOLERANCE = 2e-3
 """Depth up to which a body counts as on the ground [m]: soles are rounded and rubber gives way."""
@@ -48,6 +47,13 @@ class Spheres(NamedTuple):
         return Spheres(self.centres @ pose[:3, :3].T + pose[:3, 3], self.radii)
 
     @property
+    def points(self) -> Array:
+        """Centres, and points of the surfaces in `DIRECTIONS`, shape `(n, 3)` [m]."""
+        round_ones = self.radii > 0.0
+        reach = self.radii[round_ones, None, None] * sphere_directions()
+        return np.vstack([self.centres, (self.centres[round_ones, None] + reach).reshape(-1, 3)])
+
+    @property
     def lowest(self) -> float:
         """Height of the body's lowest point [m]."""
         return float((self.centres[:, 2] - self.radii).min())
@@ -66,8 +72,8 @@ def extreme_spheres(
 ) -> tuple[NDArray[np.int64], float]:
     """Return indices of at most `count` spheres, and how far the body reaches beyond them [m].
 
-    Each next one is farthest outside of the hull of those before, in one of `DIRECTIONS`. Only
-    directions count whose product with the unit vector `towards` is `cosine` or more.
+    Each next one is farthest outside of the hull of those before, in one of `DIRECTIONS` whose
+    product with the unit vector `towards` is `cosine` or more.
     """
     directions = sphere_directions()
     directions = directions[directions @ np.asarray(towards) >= cosine]
@@ -82,10 +88,7 @@ def extreme_spheres(
 
 
 def find_depths(leg: Leg, q: Array, floor: float) -> dict[str, float]:
-    """Return the depths of bodies under the ground [m], by frame, the deepest first.
-
-    A body is `shape_of` a frame; `floor` is the height of the ground [m, world frame].
-    """
+    """Return the depths of bodies under the height `floor` [m], by frame, the deepest first."""
     model, data, depths = leg.workspace.model, leg.workspace.data, dict[str, float]()
     pin.forwardKinematics(model, data, q)
     for name, frame in body_frames(leg).items():
@@ -118,8 +121,8 @@ def joined(shapes: Sequence[Spheres]) -> Spheres:
 def shapes_of(leg: Leg, frame: str, *, meshes: bool = True) -> list[Spheres]:
     """Return the convex shapes at a frame; none where the file has no readable shape.
 
-    They are what the file draws; where a mesh of that cannot be read, or nothing is drawn, also
-    what the file has for contacts. Without `meshes`, those that are meshes are left out.
+    They are what the file draws, and, if that cannot be read or is nothing, its shapes for
+    contacts. Without `meshes`, those that are meshes are left out.
     """
     return _read(leg, frame, meshes=meshes)[0]
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.polynomial import Polynomial
 from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 
@@ -14,9 +15,6 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.names import expand_patterns, unknown
-
-MIMIC_TOLERANCE = 1e-9
-"""By how much a mimic joint may be off the value that its driver gives it [rad; m]."""
 
 LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
@@ -49,6 +47,26 @@ class Mimic(NamedTuple):
         """Return q at values x of the driver, or its derivative of an order by x."""
         coefficients = np.array([self.offset, self.multiplier, *self.higher])
         return polyval(x, polyder(coefficients, order))
+
+
+def resolve_mimics(couplings: Mapping[str, tuple[str, Polynomial]]) -> tuple[Mimic, ...]:
+    """Return the mimic joints of joints that follow a driver by a polynomial of its q.
+
+    Each gets a driver that mimics none. Raises `InvalidInput` for joints that mimic each other.
+    """
+    mimics = []
+    for joint, (driver, polynomial) in couplings.items():
+        passed = {joint}
+        while driver in couplings:
+            if driver in passed:
+                raise InvalidInput(f"joints {', '.join(sorted(passed))} mimic each other in a loop")
+            passed.add(driver)
+            driver, of_driver = couplings[driver]
+            polynomial = polynomial(of_driver)
+        coefficients = np.trim_zeros(polynomial.coef, "b").tolist()
+        offset, multiplier, *higher = coefficients + [0.0] * (2 - len(coefficients))
+        mimics.append(Mimic(joint, driver, multiplier, offset, tuple(higher)))
+    return tuple(mimics)
 
 
 class Gears:
@@ -93,13 +111,11 @@ class Gears:
         return followed
 
     def check(self, q: Array, named: Container[str] | None = None) -> Array:
-        """Return `follow(q)`; raise `InvalidInput` where a mimic joint is elsewhere in q.
-
-        With `named`, joints that are not among these may be elsewhere.
-        """
+        """Return `follow(q)`; raise `InvalidInput` if a mimic joint, of `named`, is elsewhere."""
         followed = self.follow(q)
         for mimic, place in zip(self.mimics, self._places, strict=True):
-            slack = MIMIC_TOLERANCE * max(1.0, abs(followed[place]))
+            # by how much a mimic joint may be off the value that its driver gives it [rad; m]
+            slack = 1e-9 * max(1.0, abs(followed[place]))
             checked = named is None or mimic.joint in named
             if checked and not abs(q[place] - followed[place]) <= slack:
                 raise InvalidInput(
@@ -270,31 +286,19 @@ class JointTable:
 
     @cached_property
     def angle_bounds(self) -> list[tuple[list[int], list[float]]]:
-        """Of q and of a short q: places of angles, and by which size they look like degrees.
-
-        In q, it is the sine of a continuous joint, which never does.
-        """
-        model, forms = self._model, list[tuple[list[int], list[float]]]()
+        """Of q and of a short q: places of angles, and by which size they look like degrees."""
+        model, mimicking = self._model, {mimic.joint for mimic in self.mimics}
         short = list(range(model.nq)) if self._short_form is None else self._short_form[0].tolist()
-        mimicking = {mimic.joint for mimic in self.mimics}
-        for is_short in (False, True):
-            places, bounds = list[int](), list[float]()
-            for name in self.single_joints:
-                if self.joint_unit(name) == "m" or name in mimicking:
-                    continue
-                number = 1 + self.joint_names.index(name)
-                place, turns = model.idx_qs[number], model.nqs[number] == 2
-                places.append(short.index(place) if is_short else place + turns)
-                reach = max(map(abs, self.joint_range(name)))
-                bounds.append(max(math.tau, reach if reach < math.inf else 0.0))
-            forms.append((places, bounds))
-        return forms
+        turning = [name for name in self.single_joints if self.joint_unit(name) == "rad"]
+        names = [name for name in turning if name not in mimicking]
+        numbers = [1 + self.joint_names.index(name) for name in names]
+        reaches = [max(map(abs, self.joint_range(name))) for name in names]
+        bounds = [max(math.tau, reach if reach < math.inf else 0.0) for reach in reaches]
+        places = [model.idx_qs[k] + int(model.nqs[k] == 2) for k in numbers]  # sine if continuous
+        return [(places, bounds), ([short.index(model.idx_qs[k]) for k in numbers], bounds)]
 
     def too_fast(self, v: ArrayLike) -> list[str]:
-        """Return a line for each joint of one degree of freedom that is faster than its limit.
-
-        A joint whose limit is 0 must not move; an infinite limit is never exceeded.
-        """
+        """Return a line for each joint of one degree of freedom that is faster than its limit."""
         lines, speeds = [], np.abs(validation.vector("v", v, self.nv))
         for name in self.single_joints:
             index = self.velocity_index(name)
@@ -334,26 +338,19 @@ class JointTable:
 
     @cached_property
     def _short_form(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
-        """Where each number of a short q is in q, and whether it is a continuous joint's angle.
-
-        None if a short q is q itself.
-        """
+        """Places of a short q in q, and which are continuous joints' angles; None if q itself."""
         model, places, angles = self._model, list[int](), list[bool]()
         mimicking = {mimic.joint for mimic in self.mimics}
         for joint in range(1, model.njoints):
-            index, nq = model.idx_qs[joint], model.nqs[joint]
-            turns = (nq, model.nvs[joint]) == (2, 1)
             if model.names[joint] not in mimicking:
-                size = 1 if turns else nq
-                places += range(index, index + size)
+                turns = (model.nqs[joint], model.nvs[joint]) == (2, 1)
+                size = 1 if turns else model.nqs[joint]
+                places += range(model.idx_qs[joint], model.idx_qs[joint] + size)
                 angles += [turns] * size
         return None if len(places) == model.nq else (np.array(places), np.array(angles))
 
     def expand_joint_names(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return values by joint from those by joint or pattern; raise `InvalidInput` for neither.
-
-        Joints of one degree of freedom have names.
-        """
+        """Return values by joint from those by joint or pattern, or raise `InvalidInput`."""
         values = validation.mapping("values", values)
         for name in values:
             if not expand_patterns({name: 0.0}, self.single_joints):
@@ -361,10 +358,7 @@ class JointTable:
         return expand_patterns(values, self.single_joints)
 
     def _values_to_lock(self, wanted: Mapping[str, float]) -> dict[str, float]:
-        """Return the values of the joints that `wanted` names or matches [rad; m if prismatic].
-
-        A mimic joint that a pattern matches follows its driver, if that is locked too.
-        """
+        """Return the values of the joints that `wanted` names or matches [rad; m if prismatic]."""
         values = self.expand_joint_names(wanted)
         for mimic in self.mimics:
             if mimic.driver in values and mimic.joint not in wanted:
@@ -377,10 +371,7 @@ class JointTable:
 
 
 def look_like_degrees(joints: JointTable, q: Array) -> NDArray[np.bool_]:
-    """Return whether angles of configurations, `(..., nq)`, seem to be in degrees, `(...)`.
-
-    A short q is taken, too, which alone has the angle of a continuous joint.
-    """
+    """Return whether angles of configurations, `(..., nq)` or short, seem to be in degrees."""
     columns, bounds = joints.angle_bounds[q.shape[-1] != joints.nq]
     sizes = np.abs(q[..., columns])
     return np.asarray(((sizes > bounds) | (sizes == 0.0)).all(axis=-1) & sizes.any(axis=-1))

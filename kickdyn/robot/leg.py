@@ -15,17 +15,13 @@ from kickdyn.core import validation
 from kickdyn.core.mechanics import cross3
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, ArrayLike, protect, read_only
-from kickdyn.errors import InvalidInput, MjcfError, UrdfError
+from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.catalog import ROBOTS, TOE, find_description, read_robot
-from kickdyn.robot.constraints import (
-    ConstraintProjector,
-    find_open_loops,
-)
-from kickdyn.robot.drives import catalogued_drives
+from kickdyn.robot.constraints import ConstraintProjector, find_open_loops
 from kickdyn.robot.human_body import human_leg
-from kickdyn.robot.joint_space import ArticulatedBodies, JointSpace
+from kickdyn.robot.joint_space import JointSpace
 from kickdyn.robot.joint_table import DEGREES, InDegrees, look_like_degrees
-from kickdyn.robot.leg_model import Drives, LegModel
+from kickdyn.robot.leg_model import Drives, LegModel, catalogued_drives
 from kickdyn.robot.mjcf_file import is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
@@ -33,10 +29,10 @@ from kickdyn.robot.model_validation import (
     check_is_model,
     check_model,
     cholesky_with_condition,
-    condition,
     facing_doubts,
     singularity_fault,
 )
+from kickdyn.robot.robot_file import RobotFile
 from kickdyn.robot.surgery import reduce_model, turn_body
 from kickdyn.robot.urdf_file import build_model, check_base, read_urdf, shipped_urdf
 
@@ -45,9 +41,6 @@ NO_DRIVES = (
     "them by Leg.with_drives (--drives FILE), or drives=False (--drives none) for a leg without"
 )
 """Warning of a robot whose joints have no rotors."""
-
-MAX_OFFSET = 1e3
-"""Largest distance of a contact point along an axis of the contact frame [m]."""
 
 MAX_SHOWN_JOINTS = 8
 """Joints of a posture that are shown; of a robot with more, those that are not at 0."""
@@ -93,7 +86,7 @@ class Leg(LegModel, ReprMixin):
         """Return a human leg; without arguments, the leg of the paper's Table 1.
 
         Segments of a person of a given size are from published tables, torques from Anderson et
-        al. 2007 (J Biomech 40:3105); `kickdyn.robot.segment_tables` and `human_body` have the
+        al. 2007 (J Biomech 40:3105); `kickdyn.robot.human_body` and `human_body` have the
         numbers. The last three joints of the model `3d` below have no limits of torque and speed.
 
         Args:
@@ -130,10 +123,7 @@ class Leg(LegModel, ReprMixin):
 
     @classmethod
     def testbed(cls) -> "Leg":
-        """Return the test bed of the paper's Table 6: hip, knee, ankle; contact at the toe.
-
-        The paper names motors at hip and knee only. The ankle is free; `locked` fixes it.
-        """
+        """Return the test bed of the paper's Table 6; contact at the toe, the ankle free."""
         return cls.from_urdf(shipped_urdf("leg_testbed.urdf"))
 
     @classmethod
@@ -171,12 +161,8 @@ class Leg(LegModel, ReprMixin):
             InvalidInput: there is no such frame, base, axis, joint to lock or folder.
         """
         urdf = read_urdf(path, package_dirs, validation.mapping("locked", locked))
-        model = _facing_x(build_model(urdf.text, urdf.source, base), facing)
-        leg = cls(model, frame, urdf)
-        leg = leg._with_drives_of(drives).locked(locked or {})
-        if fault := _find_fault(leg):
-            raise UrdfError(urdf.source, [fault])
-        return leg._with_doubts()
+        model = build_model(urdf.text, urdf.source, base)
+        return cls._read(UrdfError, urdf, model, frame, locked, drives, facing)
 
     @classmethod
     def from_mjcf(
@@ -218,19 +204,30 @@ class Leg(LegModel, ReprMixin):
         """
         file = read_mjcf(path, package_dirs)
         read, model, loops = build_mjcf_model(file, frame, base, locked)
-        leg = (
-            cls(_facing_x(model, facing), frame, read)._with_drives_of(drives).locked(locked or {})
-        )
-        if fault := _find_fault(leg):
-            raise MjcfError(file.source, [fault])
-        return leg.with_loops(*loops)._with_doubts()
+        leg = cls._read(MjcfError, read, model, frame, locked, drives, facing)
+        return leg.with_loops(*loops)
 
-    def _with_doubts(self) -> "Leg":
-        """Return the leg with a warning if the robot seems to face another axis than x."""
-        doubts = facing_doubts(self.workspace.model, self.contact_joint)
-        if not doubts or self.file is None:
-            return self
-        return replace(self, file=replace(self.file, warnings=(*self.file.warnings, *doubts)))
+    @classmethod
+    def _read(
+        cls,
+        error: type[FaultyFile],
+        file: RobotFile,
+        model: Any,
+        frame: str,
+        locked: Mapping[str, float] | None,
+        drives: Drives | bool,
+        facing: str,
+    ) -> "Leg":
+        """Return the leg of the model of a file, with a warning if it seems not to face x."""
+        axes = {"x": 0.0, "y": 0.5 * math.pi, "-x": math.pi, "-y": -0.5 * math.pi}
+        if facing not in axes:
+            raise InvalidInput(f"facing is {facing!r}: it must be {', '.join(axes)}")
+        if facing != "x":
+            model = turn_body(model, 0, np.round(pin.utils.rotate("z", -axes[facing])))
+        leg = cls(model, frame, file)._with_drives_of(drives).locked(locked or {})
+        if fault := _find_fault(leg):
+            raise error(file.source, [fault])
+        return leg.with_warnings(*facing_doubts(leg.workspace.model, leg.contact_joint))
 
     @classmethod
     @validation.check_arguments
@@ -317,11 +314,7 @@ class Leg(LegModel, ReprMixin):
         return cls(model, frame)
 
     def posture(self, q: ArrayLike) -> "Posture":
-        """Return the posture at a configuration, in the range of the joints or not.
-
-        Args:
-            q: shape `(nq,)`, or short, as for `check_configuration` [rad; m if prismatic].
-        """
+        """Return the posture at q, as for `check_configuration`, in the joints' range or not."""
         given, workspace, q = q, self.workspace, self.check_configuration(q)
         model, data = workspace.model, workspace.data
         pin.forwardKinematics(model, data, q)
@@ -332,30 +325,17 @@ class Leg(LegModel, ReprMixin):
         frame_jacobian: Array = pin.computeFrameJacobian(model, data, q, self.frame_id, pin.LOCAL)
         frame_jacobian = frame_jacobian.reshape(6, -1)
         cholesky, bound = cholesky_with_condition(inertia)
-        if not bound < MAX_CONDITION:
-            exact = condition(inertia, cholesky)
-            if not exact < MAX_CONDITION:
-                fault = singularity_fault(model, inertia, exact)
-                where = f"q = {q.tolist()}" if self.nq <= MAX_SHOWN_JOINTS else "this posture"
-                raise InvalidInput(f"the joint-space inertia of {self.name} at {where} {fault}")
         jacobian: Array = rotation.dot(frame_jacobian[:3])
         joint_rotation = workspace.placements[self.contact_joint].rotation.copy()
         protect(q, inertia, origin, jacobian, joint_rotation)
-        posture = Posture(  # names of the arguments would take half a microsecond
-            self,
-            q,
-            origin,
-            self.contact_lever,
-            joint_rotation,
-            jacobian,
-            inertia,
-            None,
-            cholesky,
-            bound,
-            rotation,
-            origin,
-            frame_jacobian,
-        )
+        # names of the arguments would take half a microsecond
+        kinematics = origin, self.contact_lever, joint_rotation, jacobian
+        frame = rotation, origin, frame_jacobian
+        posture = Posture(self, q, *kinematics, inertia, None, cholesky, *frame)
+        if not bound < MAX_CONDITION and not posture.condition < MAX_CONDITION:
+            fault = singularity_fault(model, inertia, posture.condition)
+            where = f"q = {q.tolist()}" if self.nq <= MAX_SHOWN_JOINTS else "this posture"
+            raise InvalidInput(f"the joint-space inertia of {self.name} at {where} {fault}")
         if self._short_form is not None and look_like_degrees(self, np.asarray(given)):
             posture._doubts = (DEGREES,)  # q itself has no turns of continuous joints
         if self.constraints is not None:
@@ -456,7 +436,6 @@ class Posture(JointSpace, ReprMixin):
     inertia: Array
     constraint_projector: ConstraintProjector | None
     _cholesky: Array
-    _condition_bound: float
     _frame_rotation: Array
     _frame_origin: Array
     _frame_jacobian: Array
@@ -477,7 +456,8 @@ class Posture(JointSpace, ReprMixin):
             return self
         arm = validation.vector("contact offset", offset, 3, unit="m")
         for coordinate in arm.tolist():
-            validation.number("contact offset", abs(coordinate), at_most=MAX_OFFSET, unit="m")
+            # largest distance of a contact point along an axis of the contact frame [m]
+            validation.number("contact offset", abs(coordinate), at_most=1e3, unit="m")
         rotation, local = self._frame_rotation, self._frame_jacobian
         lever = rotation @ arm
         return replace(
@@ -503,25 +483,6 @@ class Posture(JointSpace, ReprMixin):
         """A line for each open loop of the leg and for each joint outside its range."""
         outside = [*self.leg.outside_range(self.q), *self._doubts]
         return (*self.leg.open_loops, *dict.fromkeys(outside))
-
-    def delassus_factor(self) -> Array:
-        r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].
-
-        It is the whitened Jacobian, or, for an ill-conditioned leg without constraints, a factor
-        from the articulated-body algorithm.
-        """
-        if self.constraint_projector is None and self.is_ill_conditioned:
-            lever = self.contact_lever.tolist()
-            axes = self.rotation_world_joint.tolist()
-            forces = np.array([(*axis, *cross3(lever, axis)) for axis in axes])
-            return self.articulated_bodies.delassus_factor(self.leg.contact_joint, forces)
-        return super().delassus_factor()
-
-    @cached_property
-    def articulated_bodies(self) -> ArticulatedBodies:
-        """The articulated bodies of a leg without supports and loops."""
-        workspace = self.leg.workspace
-        return ArticulatedBodies(workspace.model, workspace.data, self.q)
 
     def effective_mass_limits(self, normal: ArrayLike) -> dict[str, float]:
         r"""Return the effective mass [kg] in the limits between which real drives are, by name.
@@ -615,10 +576,7 @@ class Posture(JointSpace, ReprMixin):
         return v if is_possible and np.isfinite(v).all() else None
 
     def _least_energy_velocity(self, wish: Array) -> tuple[Array, Array, bool]:
-        """Return v for the nearest possible velocity, the residual [m/s], and whether it is 0.
-
-        What is missed is NaN, and counts as 0, where v is too fast for a float64.
-        """
+        """Return v for the nearest possible velocity, the residual [m/s], and whether it is 0."""
         wish = wish - self.transport_velocity
         before = self.without_stiff_joints.whitened_jacobian
         left, gains, right = np.linalg.svd(before, full_matrices=False)
@@ -679,11 +637,7 @@ def read_leg(
     drives: Drives | bool = True,
     facing: str = "x",
 ) -> Leg:
-    """Return the leg of a URDF or MJCF file, with joints `locked` at values in degrees or metres.
-
-    Its contact frame is `toe` where none is named. Raises `InvalidInput` as `Leg.from_urdf` and
-    `Leg.from_mjcf` do.
-    """
+    """Return the leg of a URDF or MJCF file; joints are `locked` at values in degrees or metres."""
     read = Leg.from_mjcf if is_mjcf(path) else Leg.from_urdf
     return read(
         path, frame or TOE, base=base, package_dirs=package_dirs, locked=InDegrees(locked or {}),
@@ -691,21 +645,8 @@ def read_leg(
     )  # fmt: skip
 
 
-def _facing_x(model: Any, facing: str) -> Any:
-    """Return a model turned about z, so that what faces an axis of its file faces x."""
-    axes = {"x": 0.0, "y": 0.5 * math.pi, "-x": math.pi, "-y": -0.5 * math.pi}
-    if facing not in axes:
-        raise InvalidInput(f"facing is {facing!r}: it must be {', '.join(axes)}")
-    if facing == "x":
-        return model
-    return turn_body(model, 0, np.round(pin.utils.rotate("z", -axes[facing])))
-
-
 def _find_fault(leg: Leg) -> str:
-    """Return the fault in the model of a leg that was read; empty if it has a posture.
-
-    Some legs are singular where they are straight, so a bent posture is tried too.
-    """
+    """Return the fault of a leg that was read; empty if it has a straight or a bent posture."""
     faults = []
     for step in (np.zeros(leg.nv), 0.3 + 0.1 * np.cos(range(leg.nv))):
         try:

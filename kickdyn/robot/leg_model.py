@@ -14,24 +14,140 @@ import pinocchio as pin
 from numpy.lib.stride_tricks import as_strided
 
 from kickdyn.core import validation
-from kickdyn.core.files import shipped
+from kickdyn.core.files import read_toml, shipped
 from kickdyn.core.validation import Array, ArrayLike, read_only
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import FaultyFile, InvalidInput
 from kickdyn.robot.constraints import Constraints, Support
-from kickdyn.robot.drives import Drive, load_drives
 from kickdyn.robot.joint_table import JointTable
 from kickdyn.robot.model_validation import check_is_model, frame_id
 from kickdyn.robot.names import listed
+from kickdyn.robot.robot_file import RobotFile
 from kickdyn.robot.surgery import has_floating_base, reduce_model
-from kickdyn.robot.visuals import RobotFile
+
+MAX_REFLECTED_INERTIA = 10.0
+"""Largest inertia of a rotor as seen from its joint [kg m2; kg for prismatic joints]."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    r"""The motor of a joint, behind a gear.
+
+    The rotor turns n times as fast as the joint, and adds the reflected inertia :math:`J n^2` to
+    the joint's entry of M. Its small angular momentum along other axes is neglected.
+
+    Attributes:
+        rotor_inertia: J, of the rotor about its own axis [kg m2].
+        gear: n, turns of the rotor per turn of the joint; 1 if the inertia is that at the joint [1;
+            rad/m for prismatic joints].
+        torque_limit: largest torque at the joint [N m; N if prismatic]; None keeps the file's.
+        speed_limit: largest speed of the joint [rad/s; m/s if prismatic]; None keeps the file's.
+        friction: of the gear, a torque against the joint's motion, which holds a joint at rest up
+            to this size [N m; N if prismatic]; it acts in a contact that takes time, `collide`.
+        stiffness: of position control, whose reference moves on with the velocity before the impact
+            [N m/rad; N/m if prismatic]; likewise.
+
+    Raises:
+        InvalidInput: a value that is not finite, negative, a gear of 0, or a reflected inertia
+            above 10 kg m2.
+    """
+
+    rotor_inertia: float
+    gear: float = 1.0
+    torque_limit: float | None = None
+    speed_limit: float | None = None
+    friction: float = 0.0
+    stiffness: float = 0.0
+
+    def __post_init__(self) -> None:
+        validation.number("rotor inertia", self.rotor_inertia, at_least=0, unit="kg m2")
+        if not validation.number("gear", self.gear):
+            raise InvalidInput(
+                "gear is 0: it must be the number of rotor turns per turn of the joint"
+            )
+        if self.reflected_inertia > MAX_REFLECTED_INERTIA:
+            raise InvalidInput(
+                f"rotor inertia times gear squared is {self.reflected_inertia:g} kg m2: it must be "
+                f"at most {MAX_REFLECTED_INERTIA:g} kg m2; is the gear already in the inertia?"
+            )
+        for name in ("torque_limit", "speed_limit"):
+            if getattr(self, name) is not None:
+                validation.number(name.replace("_", " "), getattr(self, name), at_least=0)
+        validation.number("friction", self.friction, at_least=0, unit="N m")
+        validation.number("stiffness", self.stiffness, at_least=0, unit="N m/rad")
+
+    @property
+    def reflected_inertia(self) -> float:
+        r"""Inertia of the rotor as seen from the joint, :math:`J n^2` [kg m2; kg if prismatic]."""
+        return self.rotor_inertia * self.gear * self.gear  # a power overflows with an exception
+
+
+KEYS = {
+    "rotor_inertia_kg_m2": "rotor_inertia",
+    "gear": "gear",
+    "torque_limit_n_m": "torque_limit",
+    "speed_limit_rad_s": "speed_limit",
+    "friction_n_m": "friction",
+    "stiffness_n_m_rad": "stiffness",
+}
+"""Keys of a joint in a file of drives, and the attributes of `Drive` that they set."""
+
+
+def read_drives(path: str | PathLike[str]) -> dict[str, Drive]:
+    """Read a TOML file of drives, by names of joints or patterns as of a shell.
+
+    The file has a table `[joints]` with a table for each joint or pattern, whose keys are `KEYS`
+    (`rotor_inertia_kg_m2` is required), and may have a text `source`. Raises `FaultyFile`, with a
+    line for each fault.
+    """
+    source, document = str(path), read_toml(path)
+    faults = [
+        f"{key} is unknown: the file of drives has source and [joints]"
+        for key in document
+        if key not in ("source", "joints")
+    ]
+    joints = document.get("joints")
+    if not isinstance(joints, dict):
+        line = 'has no [joints]: it needs lines such as "knee" = { rotor_inertia_kg_m2 = 1e-5 }'
+        raise FaultyFile(source, [*faults, line])
+    drives = {}
+    for joint, values in joints.items():
+        unknown = values.keys() - KEYS.keys() if isinstance(values, dict) else {repr(values)}
+        if unknown:
+            faults.append(f"{joint} has {', '.join(sorted(unknown))}: choose {', '.join(KEYS)}")
+        elif "rotor_inertia_kg_m2" not in values:
+            faults.append(f"{joint} has no rotor_inertia_kg_m2: 0 is valid")
+        else:
+            try:
+                drives[joint] = Drive(**{KEYS[key]: value for key, value in values.items()})
+            except InvalidInput as error:
+                faults += [f"{joint}: {line}" for line in error.faults]
+    if faults:
+        raise FaultyFile(source, faults)
+    return drives
+
+
+def load_drives(drives: Mapping[str, Drive] | str | PathLike[str]) -> dict[str, Drive]:
+    """Return drives by joint or pattern, from a file where one is named."""
+    if isinstance(drives, str | PathLike):
+        return read_drives(drives)
+    checked = validation.mapping("drives", drives)
+    for joint, drive in checked.items():
+        validation.check_type(Drive, **{f"drive of {joint}": drive})
+    return checked
+
+
+def catalogued_drives(robot: str) -> Path | None:
+    """Return the file of a robot's drives that comes with kickdyn; None if there is none."""
+    path = shipped("drives") / f"{robot.removesuffix('_reduced')}.toml"
+    return path if path.exists() else None
 
 
 class Workspace(threading.local):
     """Scratch space per thread: two threads in one `pin.Data` would mix their kinematics.
 
     Attributes:
-        model: the leg's model, for an impact without gravity; read only.
-        data: `pin.Data` of that model.
+        model, data: the leg's model without gravity, as for an impact, read only; and its
+            `pin.Data`.
         external: one `pin.Force` per joint, for `pin.rnea`; a caller sets all of them.
         external_wrenches: view of `external`, shape `(njoints, 6)`, the universe included.
         placements, velocities, accelerations: views of `data.oMi`, `data.v` and `data.a`, the
@@ -63,9 +179,6 @@ def _stacked(forces: Any) -> Array:
             raise RuntimeError("Pinocchio no longer keeps forces side by side")
     return as_strided(rows[0], shape=(len(rows), 6), strides=(step, rows[0].itemsize))
 
-
-FASTEST_BASE = 100.0
-"""Largest speed [m/s] and angular speed [rad/s] of a base that moves."""
 
 Drives = str | PathLike[str] | Mapping[str, Drive]
 """Drives by joint, or a file of them."""
@@ -120,7 +233,8 @@ class LegModel(JointTable):
                 ("speed of the base", twist[:3], "m/s"),
                 ("angular speed of the base", twist[3:], "rad/s"),
             ):
-                validation.number(what, math.hypot(*velocity), at_most=FASTEST_BASE, unit=unit)
+                # largest speed [m/s] and angular speed [rad/s] of a base that moves
+                validation.number(what, math.hypot(*velocity), at_most=100.0, unit=unit)
             vars(self).update(base_velocity=read_only(twist) if twist.any() else None)
         if self.base_velocity is not None and (self.supports or has_floating_base(self._model)):
             raise InvalidInput(
@@ -244,6 +358,12 @@ class LegModel(JointTable):
         if self.file is None or self.file.folder == shipped("urdf"):
             return self
         return replace(self, file=replace(self.file, lacks_drives=True))
+
+    def with_warnings(self, *lines: str) -> Self:
+        """Return the leg with further lines in the warnings of its file, if it has one."""
+        if self.file is None or not lines:
+            return self
+        return replace(self, file=replace(self.file, warnings=(*self.file.warnings, *lines)))
 
     def with_supports(self, *supports: str | Support) -> Self:
         """Return the leg with frames that stand on the ground and stay at rest in the impact.

@@ -17,11 +17,19 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput, MjcfError
+from kickdyn.errors import MjcfError
 from kickdyn.robot.names import name_fault
-from kickdyn.robot.package_files import MAX_DEPTH, PackageFiles, list_folders, read_xml
+from kickdyn.robot.robot_file import (
+    MAX_DEPTH,
+    PackageFiles,
+    RobotFile,
+    Shape,
+    Visual,
+    list_folders,
+    read_xml,
+    robot_path,
+)
 from kickdyn.robot.urdf_file import MAX_MOVING_JOINTS
-from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 MAX_ELEMENTS = 100_000
 """XML elements of a model, copies by `<replicate>` included: MuJoCo compiles them in seconds."""
@@ -75,11 +83,7 @@ class MjcfFile(RobotFile):
     name: str = ""
 
     def compile(self) -> Any:
-        """Return the `mujoco.MjModel`.
-
-        Raises:
-            MjcfError: MuJoCo refuses the document, or is not installed.
-        """
+        """Return the `mujoco.MjModel`, or raise `MjcfError` if MuJoCo refuses it or is missing."""
         try:
             import mujoco  # an optional package
         except ImportError:
@@ -99,10 +103,7 @@ class MjcfFile(RobotFile):
         return model
 
     def visuals(self) -> list[Visual]:
-        """Return the geoms that MuJoCo's viewer shows at first: groups 0 to 2, not transparent.
-
-        If there are none, the geoms of the other groups.
-        """
+        """Return the geoms that MuJoCo's viewer shows first, groups 0 to 2; all without any."""
         compiled = self.compile()
         geoms = [g for g in range(compiled.ngeom) if compiled.geom_bodyid[g]]
         return self._shapes(compiled, [g for g in geoms if compiled.geom_group[g] < 3] or geoms)
@@ -197,18 +198,11 @@ def is_mjcf(path: str | PathLike[str]) -> bool:
 def read_mjcf(
     path: str | PathLike[str], package_dirs: Iterable[str | PathLike[str]] = ()
 ) -> MjcfFile:
-    """Read and check an MJCF file, the files that it includes, and its meshes.
+    """Read and check an MJCF file, the files that it includes, and its meshes, by `PackageFiles`.
 
-    Included files and meshes are read from where `PackageFiles` reads them.
-
-    Raises:
-        MjcfError: with the first fault of the file.
-        InvalidInput: `path` is no path at all.
+    Raises `MjcfError` with the first fault of the file, or `InvalidInput` if `path` is no path.
     """
-    try:
-        file, source = Path(path), str(path)
-    except TypeError:
-        raise InvalidInput(f"MJCF path is {path!r}: it must be a str or a Path") from None
+    file, source = robot_path("MJCF", path), str(path)
     try:
         return _checked_file(file, source, list_folders(package_dirs))
     except MjcfError:
@@ -287,8 +281,8 @@ def _keep_mechanics(root: Element) -> None:
     """Remove sections without mechanics and refuse unsupported elements; only meshes name files.
 
     Geoms collide with nothing, which spares MuJoCo their convex hulls. Their masks become settings
-    of contacts that are inherited in the same way: `contype` the `priority`, which is 0 by default
-    where the mask is 1, and `conaffinity` the `solmix`.
+    that are inherited alike: `contype` the `priority`, 0 for a mask of 1, and `conaffinity` the
+    `solmix`.
     """
     for section in list(root):
         if section.tag not in (*REFUSED, *SECTIONS):

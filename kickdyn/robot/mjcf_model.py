@@ -17,7 +17,7 @@ from numpy.polynomial import Polynomial
 
 from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.joint_table import Mimic
+from kickdyn.robot.joint_table import resolve_mimics
 from kickdyn.robot.mjcf_file import MjcfFile, body_name, find_body, mujoco_pose
 from kickdyn.robot.model_validation import MAX_MAGNITUDE
 from kickdyn.robot.names import expand_patterns, listed
@@ -36,16 +36,11 @@ ACTUATED_JOINTS = (0, 1)
 def build_mjcf_model(
     file: MjcfFile, frame: str, base: str, locked: Mapping[str, float] | None
 ) -> tuple[MjcfFile, Any, list[tuple[str, str]]]:
-    """Return the `pin.Model` of the tree of bodies that moves a frame.
+    """Return the file with what was read of it, its `pin.Model`, and the ends of its loops.
 
-    Before it comes the file, with what was read of it; after it, the pairs of frames whose origins
-    stay together.
-
-    Args:
-        file: the checked document.
-        frame: a body, site or geom; without one of this name that moves, all bodies are read.
-        base: `fixed` or `floating`, as for `Leg.from_mjcf`.
-        locked: joints that are to be locked, or patterns: how they are constrained does not matter.
+    The model has the tree of bodies that moves a body, site or geom, the `frame`; all bodies
+    without one of this name that moves. How joints are constrained that are to be `locked` does not
+    matter.
     """
     check_base(base)
     check_type(str, frame=frame)  # MuJoCo crashes on None
@@ -60,28 +55,23 @@ def build_mjcf_model(
     moving = (body for body in bodies if body not in robot_bodies and compiled.body_weldid[body])
     left_out = listed([body_name(compiled, body) for body in moving], 5)
     warning = f"bodies attached to another root are left out: {left_out}"
+    passive = set[int]()
+    if compiled.nu and np.isin(compiled.actuator_trntype, ACTUATED_JOINTS).all():
+        passive = set(range(compiled.njnt)).difference(compiled.actuator_trnid[:, 0].tolist())
     read = replace(
         file,
-        mimics=tuple(builder.mimics),
+        mimics=builder.mimics,
         warnings=(warning,) if left_out else (),
-        passive_joints=_find_passive_joints(compiled),
+        passive_joints=tuple(compiled.joint(joint).name for joint in sorted(passive)),
     )
     return read, builder.model, builder.loops
-
-
-def _find_passive_joints(compiled: Any) -> tuple[str, ...]:
-    """Return the joints without an actuator; none where there are no actuators, or other kinds."""
-    if not compiled.nu or not np.isin(compiled.actuator_trntype, ACTUATED_JOINTS).all():
-        return ()
-    passive = set(range(compiled.njnt)).difference(compiled.actuator_trnid[:, 0].tolist())
-    return tuple(compiled.joint(joint).name for joint in sorted(passive))
 
 
 class _Builder:
     """Turns compiled bodies, each after the one that carries it, into a `pin.Model`.
 
-    MuJoCo computes where bodies and joints are in the world while all joints are at 0, a free joint
-    and a ball joint where the file places them; placements are differences of these poses.
+    Placements are differences of the poses that MuJoCo computes with all joints at 0, and free
+    joints and ball joints where the file places them.
     """
 
     def __init__(
@@ -116,7 +106,7 @@ class _Builder:
         self.loops: list[tuple[str, str]] = []
         self._couplings: dict[str, tuple[str, Polynomial]] = {}
         self._add_constraints()
-        self.mimics = [self._mimic(joint) for joint in self._couplings]
+        self.mimics = resolve_mimics(self._couplings)
 
     def _place(self, joint: int, position: Array, rotation: Array) -> Any:
         """Return a pose in the world as seen from a joint."""
@@ -232,8 +222,7 @@ class _Builder:
     def _add_constraints(self) -> None:
         """Add a loop for each `<connect>` of two bodies, and a mimic for each joint that follows.
 
-        Raises `InvalidInput` for another constraint that has an effect on a joint that is not
-        locked.
+        Raises `InvalidInput` for others that have an effect on a joint that is not locked.
         """
         import mujoco
 
@@ -287,31 +276,15 @@ class _Builder:
         since_ref = Polynomial([-float(start[address[second]]), 1.0])
         self._couplings[joint] = driver, polynomial(since_ref) + float(start[address[first]])
 
-    def _mimic(self, joint: str) -> Mimic:
-        """Return a joint with the driver that mimics none, and the polynomial of its q."""
-        driver, polynomial = self._couplings[joint]
-        passed = {joint}
-        while driver in self._couplings:
-            if driver in passed:
-                raise InvalidInput(f"joints {', '.join(sorted(passed))} mimic each other in a loop")
-            passed.add(driver)
-            driver, of_driver = self._couplings[driver]
-            polynomial = polynomial(of_driver)
-        coefficients = np.trim_zeros(polynomial.coef, "b").tolist()
-        offset, multiplier, *higher = coefficients + [0.0] * (2 - len(coefficients))
-        return Mimic(joint, driver, multiplier, offset, tuple(higher))
-
 
 def _pose(position: Array, rotation: Array) -> Any:
     return pin.SE3(rotation.reshape(3, 3), position)
 
 
 def effort_limits(compiled: Any) -> Array:
-    """Return the largest torque or force at every joint, shape `(njnt,)` [N m or N].
+    """Return the largest torque or force at every joint, shape `(njnt,)` [N m or N], or inf.
 
-    It is the smaller one of what the joint allows (`actuatorfrcrange`) and what its actuators
-    can exert: gear times `forcerange`, or for motors without one, gear times gain times
-    `ctrlrange`. A range with unequal ends counts with the smaller one; inf is no limit.
+    `Leg.from_mjcf` says which; a range with unequal ends counts with the smaller one.
     """
     reach, driven = np.zeros(compiled.njnt), np.zeros(compiled.njnt, dtype=bool)
     for number in range(compiled.nu):
@@ -336,15 +309,9 @@ def mujoco_state(model: Any, q: Array, v: Array, compiled: Any = None) -> tuple[
     """Return `qpos` and `qvel` of MuJoCo for q and v of a `pin.Model`.
 
     Quaternions are wxyz there, a floating base moves in the world's axes, and joints without limits
-    have one angle.
-
-    Args:
-        model: the model.
-        q: configuration, shape `(nq,)`.
-        v: velocity, shape `(nv,)`.
-        compiled: a `mujoco.MjModel` with joints of the same names; its other joints are where it
-            begins with them. Without it, joints follow each other as in the model, depth first, as
-            MuJoCo numbers them where a file has the model's bodies.
+    have one angle. `compiled` is a `mujoco.MjModel` with joints of the same names, whose other
+    joints are where it begins with them. Without it, joints follow each other as in the model,
+    depth first, as MuJoCo numbers them where a file has the model's bodies.
     """
     states: dict[int, tuple[Array, Array]] = {}
     for joint in range(1, model.njoints):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.linalg import blas, lapack
+from scipy.linalg import lapack
 
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
@@ -182,54 +182,20 @@ def cholesky_with_condition(inertia: Array) -> tuple[Array, float]:
     r"""Return the Cholesky factor L of M, its upper triangle unused, and a bound on the condition.
 
     If M is not positive definite, the factor is 0 and the bound inf. Scaled to unit diagonal, M
-    has eigenvalues that add up to n, so the smallest is above :math:`\det / e` (the others'
-    product is largest if they are equal), and the condition below :math:`n^{1.5} e / \det`. If
-    many joints make that too large: below :math:`n^2 \operatorname{tr} M\,|M^{-1}|` (van der Sluis
-    1969: no other scaling is n times better).
+    has eigenvalues that add up to n, so its condition is below :math:`n^{1.5} e / \det`; if many
+    joints make that too large, it is below :math:`n^2 \operatorname{tr} M\,|M^{-1}|` (van der Sluis
+    1969).
     """
     factor, info = lapack.dpotrf(inertia.T, lower=1, clean=0)
     if info:
         return np.zeros_like(factor), math.inf
-    diagonal = inertia.diagonal().tolist()
+    diagonal, n = inertia.diagonal().tolist(), len(inertia)
     roots = factor.diagonal().tolist()
     determinant = math.prod([a * a / b for a, b in zip(roots, diagonal, strict=True)])
-    n = len(inertia)
     if determinant > 1e-9:  # far below 1 it is rounding
         return factor, n**1.5 * math.e / determinant
     reciprocal, _ = lapack.dpocon(factor, sum(diagonal), uplo="L")
     return factor, n * n / float(reciprocal) if reciprocal else math.inf
-
-
-def condition(inertia: Array, factor: Array) -> float:
-    """Return the condition of M scaled to unit diagonal; inf if it is not positive definite.
-
-    Neither a light toe on a heavy leg nor metres beside radians cost the Cholesky factor digits.
-    """
-    if not all(root > 0.0 for root in factor.diagonal().tolist()):
-        return math.inf
-    scale = 1.0 / np.sqrt(inertia.diagonal())
-    scaled, root = inertia * scale * scale[:, None], factor * scale[:, None]
-    reciprocal, _ = lapack.dpocon(root, lapack.dlange("1", scaled), uplo="L")
-    return 1.0 / float(reciprocal) if reciprocal else math.inf
-
-
-def rounding_gain(inertia: Array, factor: Array, whitened: Array) -> float:
-    r"""Return the largest error of a foot's inverse mass over M's relative rounding.
-
-    An error of M by e of its diagonal, E, changes the inverse mass :math:`J M^{-1} J^T` along an
-    axis by :math:`x^T E x` with :math:`x = M^{-1} J^T`: at most
-    :math:`e\,(\sum_i \sqrt{M_{ii}}\,|x_i|)^2`.
-
-    Args:
-        inertia: M = L L^T, shape `(nv, nv)`.
-        factor: L.
-        whitened: L^-1 J^T, shape `(nv, n)`.
-    """
-    x = blas.dtrsm(1.0, factor, whitened, lower=1, trans_a=1)
-    sums = np.sqrt(inertia.diagonal()).dot(abs(x)).tolist()
-    squares = (whitened * whitened).sum(axis=0).tolist()
-    shares = [a * a / b for a, b in zip(sums, squares, strict=True) if b]
-    return max(shares, default=1.0)
 
 
 def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
@@ -250,10 +216,9 @@ def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
 
 
 def find_singular_joints(model: Any, inertia: Array) -> list[str]:
-    """Return the joints along whose motion the joint-space inertia is singular, or nearly so.
+    """Return the joints with a share in the null vectors of an inertia, or in the nearest to one.
 
-    They are those with a share in its null vectors; or, if it has none, in the nearest to one. If
-    entries are not finite, they are the joints with such an entry.
+    If entries are not finite, they are the joints with such an entry.
     """
     singular: NDArray[np.bool_] = np.logical_not(np.isfinite(inertia).all(axis=1))
     if not singular.any():

@@ -22,9 +22,6 @@ MAX_LISTED = 20
 MAX_FAULTY = 6
 """Largest number of joints that a refusal names."""
 
-MAX_LOCK_ENTRIES = 30
-"""Largest number of joints that `lock_remedy` names."""
-
 
 def listed(names: Sequence[str], most: int = 40) -> str:
     """Return names in one line; those after the first `most` are counted."""
@@ -63,14 +60,10 @@ def unknown(
 
 
 def expand_patterns(values: Mapping[str, float], names: Iterable[str]) -> dict[str, float]:
-    """Return the values of those among some names that `values` names.
+    """Return the values of the names that a key of `values` is, or matches as a shell pattern.
 
-    A key of `values` that is none of the names is a pattern as of a shell. A name that is a key
-    itself has the value of that key.
-
-    Raises:
-        InvalidInput: a value that is not finite, or a name that matches two patterns with different
-            values.
+    A key that is a name takes precedence. Raises `InvalidInput` for a value that is not finite, or
+    a name that matches two patterns with different values.
     """
     names = list(names)
     expanded = {name: values[name] for name in names if name in values}
@@ -90,10 +83,7 @@ def expand_patterns(values: Mapping[str, float], names: Iterable[str]) -> dict[s
 
 
 def lock_remedy(model: Any, joints: Sequence[str]) -> str:
-    """Return the advice to lock joints, at 0 or in the middle of the range, to be copied.
-
-    Empty if none of them has one degree of freedom, or no other joint would be left.
-    """
+    """Return the advice to lock joints, at 0 or in the middle of the range; empty if impossible."""
     names, values, options = list(model.names), dict[str, float](), list[str]()
     for joint in joints:
         number = names.index(joint)
@@ -108,7 +98,7 @@ def lock_remedy(model: Any, joints: Sequence[str]) -> str:
             options.append(f"--lock {shlex.quote(f'{joint}={text}')}")
     if not values or len(values) == len(names) - 1:
         return ""
-    if len(values) > MAX_LOCK_ENTRIES:
+    if len(values) > 30:  # more would not be read
         return "lock them by locked={joint: value} in Python, by --lock JOINT=VALUE in commands"
     python = ", ".join(f"{name!r}: {value:g}" for name, value in values.items())
     pronoun = "it" if len(values) == 1 else "them"

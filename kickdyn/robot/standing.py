@@ -1,14 +1,16 @@
-"""A robot on a floating base that stands on one foot, as a robot on a fixed base: that foot.
+"""A robot's kicking chain, and a robot that stands on one foot as one on a fixed base: that foot.
 
 With the foot as its root, the robot is a tree on a fixed base, and what is made for those
 (`kicking_chain`, `plan_kick`) applies to it.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from kickdyn.core.mechanics import rotation_between
@@ -22,13 +24,20 @@ from kickdyn.robot.ground_clearance import (
     joined,
     shape_of,
     shapes_of,
-    sphere_directions,
 )
-from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.names import listed
-from kickdyn.robot.surgery import coordinate_indices, has_floating_base, reroot_model
+from kickdyn.robot.surgery import (
+    angle_model,
+    coordinate_indices,
+    has_floating_base,
+    reduce_model,
+    reroot_model,
+)
+
+UNLIMITED = 100.0
+"""Speed that counts as the limit where no joint has one [rad/s]: faster than any that kicks."""
 
 SOLE_THICKNESS = 2e-3
 """Height above the lowest point of a foot up to which its shapes count as its sole [m]."""
@@ -39,8 +48,105 @@ NARROW = 0.02
 MOST_TILT = np.radians(30.0)
 """Largest angle of a sole to the ground while all joints are at 0 [rad]."""
 
-FACE = np.radians(1.0)
-"""Largest angle between facets of a hull that are one face [rad]."""
+
+@dataclass(frozen=True, eq=False)
+class KickingChain:
+    """The joints between a fixed base and the contact frame, and where the whole robot has them.
+
+    On a fixed base, an impact on the chain and its equations of motion are the same as of the whole
+    robot, whose other joints stay where `rest_configuration` has them.
+
+    Attributes:
+        leg: the chain alone, all other joints locked; the whole robot, if there are none.
+        qs, vs: indices of its joints in the robot's q and v.
+    """
+
+    leg: Leg
+    qs: NDArray[np.int64]
+    vs: NDArray[np.int64]
+
+    def robot_state(self, robot: Leg, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return q and v of the robot from the chain's, all other joints at rest."""
+        configuration, velocity = rest_configuration(robot), np.zeros(robot.nv)
+        configuration[self.qs], velocity[self.vs] = q, v
+        return configuration, velocity
+
+
+def assumed_speed_limit(leg: Leg) -> Array:
+    """Return the limits of the joints' speeds, shape `(nv,)` [rad/s; m/s for prismatic joints].
+
+    A joint without one, or with 0, has the largest limit of the joints of its unit; inf without
+    any.
+    """
+    limit = np.where(leg.velocity_limit > 0.0, leg.velocity_limit, np.inf)
+    units = {name: leg.joint_unit(name) for name in leg.single_joints}
+    for unit in {*units.values()}:
+        columns = [leg.velocity_index(name) for name in units if units[name] == unit]
+        known = limit[columns][np.isfinite(limit[columns])]
+        limit[columns] = np.where(
+            np.isfinite(limit[columns]), limit[columns], known.max(initial=0.0) or np.inf
+        )
+    return limit
+
+
+def rest_configuration(robot: Leg, others: Mapping[str, float] | None = None) -> Array:
+    """Return q with every joint at the value of its range that is nearest to 0, shape `(nq,)`.
+
+    Joints of several degrees of freedom are at 0, mimic joints where their drivers put them.
+    `others` are values of joints that are elsewhere [rad; m for prismatic joints].
+    """
+    following = {mimic.joint for mimic in robot.mimics}
+    ranges = {name: robot.joint_range(name) for name in robot.single_joints}
+    nearest = {name: min(max(low, 0.0), high) for name, (low, high) in ranges.items()}
+    nearest.update(others or {})
+    return robot.configuration({
+        name: value for name, value in nearest.items() if value and name not in following
+    })  # fmt: skip
+
+
+def kicking_chain(
+    robot: Leg, *, branches: bool = False, others: Mapping[str, float] | None = None
+) -> KickingChain:
+    """Return the joints that move a robot's contact frame.
+
+    Args:
+        robot: a leg or a whole robot, on a fixed base.
+        branches: whether to keep the joints that branch off the chain too. They do not move the
+            contact frame, but an impact there moves them.
+        others: as for `rest_configuration`, of joints that are taken out.
+
+    Raises:
+        InvalidInput: without `branches`, a joint has more than one coordinate, as a floating base
+            has; or one of the joints mimics another or is mimicked.
+    """
+    model = robot.model
+    joints = path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
+    if branches:
+        joints = [int(joint) for joint in model.subtrees[path[0]]]
+    elif wide := [str(model.names[joint]) for joint in path if model.nqs[joint] != 1]:
+        raise InvalidInput(
+            f"joint {wide[0]!r} moves the contact frame of {robot.name} by more than one "
+            "coordinate: every joint of the kicking chain must have one, and the base must be fixed"
+        )
+    names = {str(model.names[joint]) for joint in joints}
+    for mimic in robot.mimics:
+        if mimic.joint in names or mimic.driver in names:
+            raise InvalidInput(
+                f"joint {mimic.joint!r} mimics {mimic.driver!r}: kicks are planned without mimic "
+                f"joints in the kicking limb; lock {mimic.driver!r}, which locks both (Leg.locked, "
+                f"--lock {mimic.driver}=VALUE)"
+            )
+    leg = robot
+    if locked := [name for name in robot.joint_names if name not in names]:
+        leg = robot.with_model(reduce_model(model, locked, rest_configuration(robot, others)))
+    return KickingChain(leg, *coordinate_indices(model, joints))
+
+
+def with_angles(robot: Leg) -> Leg:
+    """Return a robot whose continuous joints have one angle in q, from -pi to pi, as plans do."""
+    model = robot.workspace.model
+    has_continuous = (2, 1) in zip(model.nqs, model.nvs, strict=True)
+    return robot.with_model(angle_model(robot.model)) if has_continuous else robot
 
 
 class StandingRobot:
@@ -114,13 +220,7 @@ class StandingRobot:
 
 @dataclass(frozen=True, eq=False)
 class Foot:
-    """The kicking foot while it stands on the ground.
-
-    Attributes:
-        frame: the contact frame, which it carries.
-        pose: of the joint that carries it in the world, a `pin.SE3`.
-        sole: corners of its sole, shape `(k, 2)` [m, world frame, x and y].
-    """
+    """The kicking foot on the ground: contact frame, `pin.SE3` of its joint, sole `(k, 2)` [m]."""
 
     frame: str
     pose: Any
@@ -146,10 +246,7 @@ def place_base(robot: Leg, q: Array, frame: int, placement: Any) -> Array:
 
 
 def hold_support(posture: Posture, q: Array) -> Array:
-    """Return q with the floating base moved so that the first support is where a posture has it.
-
-    A leg without supports, or on a fixed base, keeps q, shape `(nq,)`.
-    """
+    """Return q with a floating base moved so that the first support is where a posture has it."""
     leg = posture.leg
     if not leg.supports or not is_floating(leg):
         return q
@@ -199,10 +296,9 @@ def _flat_support(robot: Leg) -> Support:
 
 
 def _flat_on_ground(robot: Leg, support: Support) -> tuple[Any, Array]:
-    """Return the pose of a frame while its foot is flat on the ground, and its sole's corners.
+    """Return the `pin.SE3` of a frame whose foot is flat on the ground, and its sole's corners.
 
-    The first is a `pin.SE3`, with x and y while all joints are at 0; the corners have the shape
-    `(k, 3)` [m, support frame].
+    x and y are those with all joints at 0; the corners have the shape `(k, 3)` [m, support frame].
     """
     model, data = robot.workspace.model, robot.workspace.data
     frame = frame_id(model, support.frame)
@@ -245,11 +341,7 @@ def _is_level(corners: Array) -> bool:
 
 
 def _levelled(rotation: Array, normals: Array, areas: Array) -> Array:
-    """Return a rotation of a foot that turns its largest downward face to the ground.
-
-    `normals` of its faces, shape `(k, 3)` [frame], point outwards; without one that is within
-    `MOST_TILT` of the ground, it is `rotation`.
-    """
+    """Return a rotation of a foot that turns its largest face within `MOST_TILT` to the ground."""
     downward = -normals @ rotation[2]
     if not (downward >= np.cos(MOST_TILT)).any():
         return rotation
@@ -261,18 +353,16 @@ def _faces(robot: Leg, frame: int) -> tuple[Array, Array]:
     """Return outward normals, `(k, 3)` [frame], and areas [m^2] of the faces of a foot's hull."""
     support = robot.workspace.model.frames[frame]
     shapes = joint_spheres(robot, int(support.parentJoint))
-    directions = np.vstack([np.zeros((1, 3)), sphere_directions()])
-    points = (shapes.centres[:, None] + shapes.radii[:, None, None] * directions).reshape(-1, 3)
-    points = (points - support.placement.translation) @ support.placement.rotation
     try:
-        hull = ConvexHull(np.unique(points, axis=0))
+        hull = ConvexHull(shapes.moved(support.placement.inverse().homogeneous).points)
     except QhullError:  # flat, or a point
         return np.zeros((0, 3)), np.zeros(0)
     normals = hull.equations[:, :3]
     corners = hull.points[hull.simplices]
     sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.asarray(0.5 * np.linalg.norm(sides, axis=1))
-    along = normals @ normals.T >= np.cos(FACE)
+    # largest angle between facets of a hull that are one face [rad]
+    along = normals @ normals.T >= np.cos(np.radians(1.0))
     return np.asarray(normals), along @ areas
 
 
@@ -290,16 +380,15 @@ def _on_ground(placement: Any, corners: Array) -> Array:
 def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
     """Return corners of the sole of a support, shape `(k, 3)` [m, support frame].
 
-    Without corners in the support, the shapes of its joint's bodies are cut at `SOLE_THICKNESS`
-    above their lowest point in the standing robot; the corners are the extreme points below in
-    eight directions, on one level. `rotation` is from the frame's axes to the world's.
+    Without corners in the support, they are the extreme points in eight directions of the shapes up
+    to `SOLE_THICKNESS` above their lowest point, on one level. `rotation` is from the frame to the
+    world.
     """
     if support.sole is not None:
         return support.sole
     support_frame = robot.workspace.model.frames[frame]
     shapes = joint_spheres(robot, int(support_frame.parentJoint))
-    frame_pose = support_frame.placement
-    seen = (shapes.centres - frame_pose.translation) @ frame_pose.rotation @ rotation.T
+    seen = shapes.moved(support_frame.placement.inverse().homogeneous).centres @ rotation.T
     bottom = seen[:, 2] - shapes.radii
     level = float(bottom.min())
     points = []
@@ -317,13 +406,7 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
 
 
 def sole_corners(robot: Leg, support: Support) -> Array:
-    """Return the corners of the sole of a foot, shape `(k, 3)` [m, support frame].
-
-    They are those of the support, or else of the foot's shapes while it is flat on the ground.
-
-    Raises:
-        InvalidInput: the foot has no flat sole.
-    """
+    """Return the corners of a foot's sole, `(k, 3)` [m, support frame], or raise `InvalidInput`."""
     return _flat_on_ground(robot, support)[1]
 
 

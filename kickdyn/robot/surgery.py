@@ -122,11 +122,6 @@ def reroot_model(model: Any, joint: int, placement: Any) -> Any:
     The first joint, a floating base, is left out. Joints between it and the new root keep their
     names, values and limits: joint `i`, which moves its child by :math:`\exp(S_i q_i)`, moves its
     parent by :math:`\exp(-S_i q_i)` as seen from its child.
-
-    Args:
-        model: with a floating base.
-        joint: number of the joint that carries the new root.
-        placement: `pin.SE3` of that joint's frame in the world.
     """
     new = pin.Model()
     new.name, new.gravity = model.name, model.gravity.copy()
@@ -169,10 +164,7 @@ def _subtree_order(model: Any, root: int, reversed_joints: list[int]) -> list[in
 
 
 def _reverse_joint(model: Any, joint: int) -> tuple[Any, Any]:
-    """Return the joint that moves the parent as a joint moves its child, and its axes.
-
-    It turns about or slides along the x axis of the `pin.SE3` in the child's axes.
-    """
+    """Return the joint along x that moves the parent as a joint moves its child, and its axes."""
     kind, name = model.joints[joint], model.joints[joint].shortname()
     if kind.nv != 1 or not name.startswith((REVOLUTE, PRISMATIC)):
         raise InvalidInput(
@@ -200,10 +192,7 @@ def _copy_joint(
     joint: int,
     limits: tuple[Array, Array] | None = None,
 ) -> int:
-    """Add a joint to a new model, with the name, limits and rotor of a joint of `model`.
-
-    `limits` of its coordinates replace the joint's.
-    """
+    """Add a joint to a new model, with name, rotor and limits (or others) of a joint of `model`."""
     q = slice(model.idx_qs[joint], model.idx_qs[joint] + model.nqs[joint])
     v = slice(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])
     lower, upper = limits or (model.lowerPositionLimit[q], model.upperPositionLimit[q])

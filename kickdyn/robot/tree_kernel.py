@@ -20,9 +20,6 @@ from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
 
-ALIGNED = 1e-15
-"""Largest entry of a rotation minus the identity that is taken for rounding."""
-
 JOINT = np.dtype(
     [
         ("parent", np.int64),  # the joint that carries this one, 0 for the base
@@ -106,11 +103,6 @@ LEAST_PIVOT = 1e-9
 """Share that a pivot must keep of its diagonal entry of M, or it has lost its digits."""
 
 
-def joint_frame(axis: Array) -> Array:
-    """Return a frame as columns, whose z is along the axis."""
-    return rotation_between(np.array([0.0, 0.0, 1.0]), axis)
-
-
 class TreeJoints(NamedTuple):
     """The joints of a fixed-base tree of hinges and slides, at q = 0."""
 
@@ -122,9 +114,7 @@ class TreeJoints(NamedTuple):
 def hinges_and_slides(leg: Leg) -> TreeJoints | None:
     """Return the joints of a leg; None with a floating base, constraints, or other joints."""
     model = leg.workspace.model
-    if leg.constraints is not None:
-        return None
-    if any(nv != 1 for nv in list(model.nvs)[1:]):
+    if leg.constraints is not None or any(nv != 1 for nv in list(model.nvs)[1:]):
         return None
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
@@ -148,7 +138,8 @@ def joint_tree(
     """
     model = leg.workspace.model
     senses = np.array([1.0, *(np.sign(axis[np.argmax(np.abs(axis))]) for axis in joints.axes)])
-    frames = [base_axes, *map(joint_frame, senses[1:, None] * joints.axes)]
+    z = np.array([0.0, 0.0, 1.0])
+    frames = [base_axes, *(rotation_between(z, axis) for axis in senses[1:, None] * joints.axes)]
     data, v = model.createData(), [model.idx_vs[k] for k in range(1, model.njoints)]
     pin.computeSubtreeMasses(model, data)
     tree = np.zeros(model.njoints, JOINT)
@@ -161,7 +152,8 @@ def joint_tree(
         joint, placement, inertia = tree[k], model.jointPlacements[k], model.inertias[k]
         parent, frame = frames[model.parents[k]], frames[k]
         rotation = parent.T @ placement.rotation @ frame
-        joint["aligned"] = np.abs(rotation - np.eye(3)).max() < ALIGNED
+        # largest entry of a rotation minus the identity that is taken for rounding
+        joint["aligned"] = np.abs(rotation - np.eye(3)).max() < 1e-15
         joint["rotation"] = rotation
         joint["origin"] = parent.T @ (placement.translation - (0 if model.parents[k] else of_base))
         joint["mass"] = inertia.mass

@@ -26,14 +26,14 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
+from numpy.polynomial import Polynomial
 
 from kickdyn.core.files import shipped
 from kickdyn.errors import InvalidInput, UrdfError
-from kickdyn.robot.joint_table import Mimic
+from kickdyn.robot.joint_table import Mimic, resolve_mimics
 from kickdyn.robot.model_validation import ROUNDING, second_moments
 from kickdyn.robot.names import expand_patterns, listed, name_fault
-from kickdyn.robot.package_files import list_folders, read_xml
-from kickdyn.robot.visuals import RobotFile, Shape, Visual
+from kickdyn.robot.robot_file import RobotFile, Shape, Visual, list_folders, read_xml, robot_path
 
 MAX_LINKS = 3000
 """Pinocchio's parser overflows the stack at about 3,800 links in a row."""
@@ -101,16 +101,10 @@ def read_urdf(
 ) -> UrdfFile:
     """Read and check a URDF file, whose meshes may be in further folders.
 
-    The joints that a locked joint mimics are not checked; `locked` has names or patterns.
-
-    Raises:
-        UrdfError: with all faults that `find_faults` finds, in one message.
-        InvalidInput: `path` is no path at all, or there is no such folder.
+    Joints that a locked joint mimics are not checked. Raises `UrdfError` with all faults of
+    `find_faults`, or `InvalidInput` if `path` is no path or there is no such folder.
     """
-    try:
-        file, source = Path(path), str(path)
-    except TypeError:
-        raise InvalidInput(f"URDF path is {path!r}: it must be a str or a Path") from None
+    file, source = robot_path("URDF", path), str(path)
     root, folders = read_xml(file, source, UrdfError), list_folders(package_dirs)
     if faults := find_faults(root, locked):
         raise UrdfError(source, faults)
@@ -136,8 +130,8 @@ def read_urdf(
 def _remove_limits(root: Element) -> list[str]:
     """Give joints the number that means no limit; return those with an effort or velocity of none.
 
-    A continuous joint that mimics another, or is mimicked, becomes a revolute joint without a
-    range, whose q is its angle, because cosine and sine do not tell one turn from the next.
+    A continuous joint that takes part in a mimic becomes a revolute one without a range, whose q is
+    its angle, because cosine and sine do not tell one turn from the next.
     """
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     drivers, unlimited = _drivers(joints), []
@@ -158,16 +152,9 @@ def _remove_limits(root: Element) -> list[str]:
 
 
 def build_model(text: str, source: str, base: str) -> Any:
-    """Return the `pin.Model` of a URDF.
+    """Return the `pin.Model` of the text of a URDF, on a base `fixed` or `floating`.
 
-    Args:
-        text: the document.
-        source: its name, for errors.
-        base: `fixed` or `floating`, as for `Leg.from_urdf`.
-
-    Raises:
-        UrdfError: Pinocchio refuses it, or complains, or no joint moves.
-        InvalidInput: an unknown base.
+    Raises `UrdfError` if Pinocchio refuses it or complains, or if no joint moves.
     """
     check_base(base)
     root = (pin.JointModelFreeFlyer(),) if base == "floating" else ()
@@ -272,14 +259,10 @@ def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
 
 
 def find_irregularities(root: Element) -> list[str]:
-    """Return a line for impossible inertias and one for limits that are left out.
-
-    Inertias are judged with what moves together, by `model_validation`: a link alone may have one
-    that no body has.
-    """
-    impossible = [link for link in root.findall("link") if _is_impossible(link)]
+    """Return a line for links with impossible inertias and one for limits that are left out."""
+    impossible = [link.get("name", "") for link in root.findall("link") if _is_impossible(link)]
     unlimited = [
-        joint
+        joint.get("name", "")
         for joint in root.findall("joint")
         if joint.get("type") in ("revolute", "prismatic")
         and (limit := joint.find("limit")) is not None
@@ -290,11 +273,7 @@ def find_irregularities(root: Element) -> list[str]:
         "fixed to them or hangs from them": impossible,
         "joints without lower or upper limit ({}): the URDF specification says 0": unlimited,
     }
-    return [
-        line.format(listed([element.get("name", "") for element in elements], 3))
-        for line, elements in lines.items()
-        if elements
-    ]
+    return [line.format(listed(names, 3)) for line, names in lines.items() if names]
 
 
 def _is_impossible(link: Element) -> bool:
@@ -311,21 +290,19 @@ def _is_impossible(link: Element) -> bool:
 
 
 def _named(root: Element, tag: str, faults: list[str]) -> dict[str, Element]:
-    elements = root.findall(tag)
-    names = [_name(element, tag, faults) for element in elements]
-    for name, times in Counter(names).items():
-        if times > 1 and name:
+    """Return elements by name; names that are wrong or used twice are faults."""
+    elements = [(_name(element, tag, faults), element) for element in root.findall(tag)]
+    for name, times in Counter(name for name, _ in elements if name).items():
+        if times > 1:
             faults.append(f"{tag} name {name!r} is used {times} times")
-    return {name: element for name, element in zip(names, elements, strict=True) if name}
+    return {name: element for name, element in elements if name}
 
 
 def _name(element: Element, tag: str, faults: list[str]) -> str:
     name = element.get("name", "")
     fault = name_fault(f"{tag} name", name) if name.strip() else f"a {tag} has no name"
-    if not fault:
-        return name
-    faults.append(fault)
-    return ""
+    faults += filter(None, [fault])
+    return "" if fault else name
 
 
 def _check_single(where: str, element: Element, tags: tuple[str, ...], faults: list[str]) -> None:
@@ -398,23 +375,14 @@ def _drivers(joints: dict[str, Element]) -> dict[str, str]:
 
 
 def read_mimics(root: Element) -> tuple[Mimic, ...]:
-    """Return the mimic joints of a robot without faults, each with a driver that mimics none.
-
-    What mimics a joint that does not exist, and is to be locked, is left out.
-    """
+    """Return the mimic joints, each with a driver that exists and mimics none."""
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
-    drivers, mimics = _drivers(joints), []
-    for name in drivers:
-        driver, multiplier, offset = name, 1.0, 0.0
-        while driver in drivers:  # q = a (c q_driver + d) + b
-            mimic = joints[driver].find("mimic")
-            assert mimic is not None
-            offset += multiplier * float(mimic.get("offset", 0.0))
-            multiplier *= float(mimic.get("multiplier", 1.0))
-            driver = drivers[driver]
-        if driver in joints:
-            mimics.append(Mimic(name, driver, multiplier, offset))
-    return tuple(mimics)
+    couplings = {}
+    for name, driver in _drivers(joints).items():
+        (mimic,) = joints[name].findall("mimic")
+        line = [float(mimic.get("offset", 0.0)), float(mimic.get("multiplier", 1.0))]
+        couplings[name] = driver, Polynomial(line)
+    return tuple(mimic for mimic in resolve_mimics(couplings) if mimic.driver in joints)
 
 
 def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: list[str]) -> None:

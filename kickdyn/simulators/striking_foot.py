@@ -15,8 +15,8 @@ from kickdyn.robot.collisions import TOUCHING, Body, ball_proximity, body_of, th
 from kickdyn.robot.ground_clearance import Spheres, spheres_of
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.names import listed
+from kickdyn.robot.robot_file import RobotFile, Shape, Visual
 from kickdyn.robot.standing import joint_bodies
-from kickdyn.robot.visuals import RobotFile, Shape, Visual
 from kickdyn.simulators.mujoco_kick import quaternion, row
 
 HALF_PLATE = 0.05

@@ -14,8 +14,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frames_by_name
-from kickdyn.robot.package_files import PackageFiles
-from kickdyn.robot.visuals import Shape, Triangles, Visual, read_mesh
+from kickdyn.robot.robot_file import PackageFiles, Shape, Triangles, Visual, read_mesh
 from kickdyn.view.camera import box_corners
 from kickdyn.view.marks import UPRIGHT, cylinder_pose
 

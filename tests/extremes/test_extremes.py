@@ -10,7 +10,7 @@ from extremes.exact_coefficients import FORMULAS, MODELS
 from extremes.extreme_case import ExtremeCase
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "explanation" / "verification.md"
-EXACT = ("posture", "mass", "coefficient", "approach", "short link")
+EXACT = ("posture", "mass", "coefficient", "approach")
 """Families of which every row has the digits that its condition allows, at least 12."""
 
 

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from tolerances import closed_form, optimized, sampled
 
 import kickdyn as kd
-from kickdyn.identification.contact_moment import ball_side
 from kickdyn.identification.infer_impact import COVERED, LARGEST_FRICTION
-from kickdyn.identification.leg_motion import LegMotion
+from kickdyn.identification.leg_motion import LegMotion, ball_side
 
 LEG, BALL = kd.Leg.human(), kd.Ball()
 

@@ -20,8 +20,7 @@ from kickdyn.motion.plan_motion import ASIDE, frames_of, idle_limbs, limbs_aside
 from kickdyn.motion.separation import Surroundings
 from kickdyn.planning import kick
 from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions
-from kickdyn.robot.kicking_chain import kicking_chain
-from kickdyn.robot.standing import StandingRobot
+from kickdyn.robot.standing import StandingRobot, kicking_chain
 
 PLANS = {"human": swinging, "g1": standing, "g1 with its waist": waist}
 

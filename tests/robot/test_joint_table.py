@@ -15,7 +15,7 @@ from tolerances import EPSILON, agrees, closed_form, optimized
 
 import kickdyn as kd
 from kickdyn.robot.joint_table import Mimic
-from kickdyn.robot.kicking_chain import kicking_chain
+from kickdyn.robot.standing import kicking_chain
 
 BODY = pin.Inertia(1.0, np.array([0.0, 0.0, -0.25]), np.diag([0.1, 0.1, 0.05]))
 LARGEST = np.finfo(float).max

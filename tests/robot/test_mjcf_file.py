@@ -8,7 +8,7 @@ import trimesh
 
 import kickdyn as kd
 from kickdyn.robot.mjcf_file import read_mjcf
-from kickdyn.robot.visuals import Shape
+from kickdyn.robot.robot_file import Shape
 
 BODY = '<body name="arm"><joint name="j" axis="0 1 0"/><geom size="0.1"/></body>'
 MODEL = f"<mujoco><worldbody>{BODY}</worldbody></mujoco>"

@@ -12,7 +12,7 @@ from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.robot.leg import NO_DRIVES
-from kickdyn.robot.package_files import MAX_BYTES
+from kickdyn.robot.robot_file import MAX_BYTES
 from kickdyn.robot.urdf_file import read_urdf
 
 LAUGHS = "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))

@@ -14,7 +14,7 @@ from tolerances import agrees, closed_form
 
 import kickdyn as kd
 from kickdyn.core.mechanics import rotation_between
-from kickdyn.robot.visuals import RobotFile, Shape, Visual
+from kickdyn.robot.robot_file import RobotFile, Shape, Visual
 from kickdyn.simulators.mujoco_field import MujocoField
 
 mujoco = pytest.importorskip("mujoco")

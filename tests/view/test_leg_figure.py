@@ -13,7 +13,7 @@ from drawn_scene import SINGLE, DrawnScene, check_joints
 from tolerances import agrees, closed_form
 
 import kickdyn as kd
-from kickdyn.robot.visuals import RobotFile, Shape, Visual
+from kickdyn.robot.robot_file import RobotFile, Shape, Visual
 from kickdyn.view.document import recording_viewer
 from kickdyn.view.leg_figure import draw_leg, joint_poses, leg_shapes
 

@@ -6,7 +6,7 @@ from kick_motion import HIP, KNEE, LEG, PLACES, track
 from tolerances import closed_form, sampled
 
 import kickdyn as kd
-from kickdyn.identification.contact_moment import (
+from kickdyn.identification.leg_motion import (
     MEAN_TIME,
     MEAN_TIME_DEVIATION,
     ball_side,

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from tolerances import closed_form, integrated
 
 import kickdyn as kd
-from kickdyn.robot.drives import catalogued_drives, read_drives
+from kickdyn.robot.leg_model import catalogued_drives, read_drives
 from kickdyn.robot.urdf_file import shipped_urdf
 
 DRIVEN = ("g1", "talos", "icub", "icub_reduced", "bolt")

@@ -25,8 +25,8 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import follow
 from kickdyn.flight.follow_many import follow_many
 from kickdyn.impact import strike_kernel
-from kickdyn.impact.collide import collide
-from kickdyn.impact.collide_many import COLLIDE, collide_many
+from kickdyn.impact.collide import COLLIDE, collide
+from kickdyn.impact.collide_many import collide_many
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.pinocchio_engine import contact_row, joined_state, with_ball
 from kickdyn.impact.strike import strike

@@ -9,6 +9,7 @@ place.
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 
 import math
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
@@ -480,7 +481,7 @@ class ContactKernel:
         self._given_leg = self._tree, task, np.ascontiguousarray(self.senses * torque)
 
     @classmethod
-    def of(cls, leg: Leg, torque: Array) -> Self | None:
+    def of(cls, leg: Leg, torque: Any) -> Self | None:
         """Return the kernel of a leg, or None if there is none."""
         if leg.nq != leg.nv or leg.compliant_drives:
             return None
@@ -488,7 +489,7 @@ class ContactKernel:
         return None if geometry is None else cls(leg, geometry, torque)
 
     def run(
-        self, code: Any, lanes: Any, table: tuple[Array, Array, Array], tol: float, steps: Array
+        self, code: Any, lanes: Any, table: Iterable[Array], tol: float, steps: Array
     ) -> Array:
         """Return the answers of contacts, shape `(RESULT + dim, n)`.
 

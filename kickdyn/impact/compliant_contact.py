@@ -101,7 +101,9 @@ class CompliantContact:
 
     def with_tolerance(self, tol: float) -> Self:
         """Return the same equations for another tolerance."""
-        return type(self)(*self._arguments(), tol)
+        make, arguments = self.__reduce__()
+        equations: Self = make(*arguments[:-1], tol)
+        return equations
 
     @property
     def has_machine_code(self) -> bool:

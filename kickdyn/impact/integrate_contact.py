@@ -132,7 +132,9 @@ def _integrate(equations: CompliantContact) -> ContactMotion:
         if outcome == FAILED:
             raise KickdynError(_failure(equations, error))
         if outcome in (TAKEN, THROUGH) or 0 <= outcome < AT_BEGINNING:
-            begins.append(t + h), columns.append(new), kinds.append(phase)
+            begins.append(t + h)
+            columns.append(new)
+            kinds.append(phase)
             y, rates[0] = new, rates[STAGES]
         is_new = outcome >= 0
         parted = is_new and equations.begin_phase(outcome % AT_BEGINNING)

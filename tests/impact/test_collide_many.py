@@ -10,7 +10,7 @@ from contacts import random_strikes
 from tolerances import agrees, closed_form, integrated
 
 import kickdyn as kd
-from kickdyn.impact.collide_many import COLLIDE
+from kickdyn.impact.collide import COLLIDE
 from kickdyn.impact.strike_many import StrikeStatus
 
 LEG = kd.Leg.human()

@@ -488,9 +488,7 @@ class ContactKernel:
         geometry = _geometry(leg)
         return None if geometry is None else cls(leg, geometry, torque)
 
-    def run(
-        self, code: Any, lanes: Any, table: Iterable[Array], tol: float, steps: Array
-    ) -> Array:
+    def run(self, code: Any, lanes: Any, table: Iterable[Array], tol: float, steps: Array) -> Array:
         """Return the answers of contacts, shape `(RESULT + dim, n)`.
 
         Args:

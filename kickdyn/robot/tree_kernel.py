@@ -86,6 +86,7 @@ STATE = np.dtype(
         ("delassus", float, (6, BATCH)),  # Delassus matrix of the foot [1/kg]
         ("impulse", float, (3, BATCH)),  # on the ball along both tangents and the normal [N s]
         ("energy_lost", float, BATCH),  # [J]
+        ("slips", float, BATCH),  # 1 where the direction of a slip is to be found
         ("speed_use", float, BATCH),  # least possible largest joint speed over its limit
         ("doubt", float, BATCH),  # 1 where digits are lost, else 0
         ("foot_jump", float, BATCH),  # of the foot's velocity along the normal [m/s]

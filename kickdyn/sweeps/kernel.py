@@ -6,6 +6,7 @@ along the normal or across it, one much lighter than the ball, an inertia that h
 is marked as doubtful. What differs between legs are arrays, so that one kernel serves every leg.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,29 +21,40 @@ from kickdyn.core.lanes import (
     batches,
     blank_records,
     choose,
+    inlined,
     jitable,
+    larger,
     magnitude,
     namespaces,
     spread,
     square_root,
 )
 from kickdyn.core.validation import Array
-from kickdyn.impact import contact_motion, newton_law
-from kickdyn.impact.contact_motion import contact_axes
+from kickdyn.impact import contact_motion, newton_law, strike_kernel
+from kickdyn.impact.contact_motion import contact_axes, slip_direction
+from kickdyn.impact.strike_kernel import slip_of_lane, solve_newton_batch, with_ball
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.tree_kernel import (
     BODY,
+    D11,
+    D12,
+    D13,
+    D22,
+    D23,
     D33,
     JOINT,
     STATE,
+    cross,
+    dot,
     hinges_and_slides,
     joint_tree,
+    vector,
 )
-from kickdyn.sweeps import kernel_impact, sweep_kick
+from kickdyn.sweeps import sweep_kick
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.sweep_kick import Kick
+from kickdyn.sweeps.sweep_kick import ROUNDING, UNLIMITED, Kick
 
 TANGENT, ACROSS, NORMAL, MOBILITY, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
 """Rows of an answer: impulse on the ball along the contact's axes [N s], n^T J M^-1 J^T n [1/kg],
@@ -62,6 +74,12 @@ AXIS = np.dtype(
     ]
 )
 """An axis of the grid, and where the kernel is on it."""
+
+LEAST_DIFFERENCE = 1e-3
+"""Share that a difference must keep of its terms, or the posture is doubtful."""
+
+LEAST_SQUARE = 1e-6
+"""Share that the square of a direction must keep as it is made orthogonal to others."""
 
 PARALLEL = 1e-12
 """Sine of the angle below which axes count as parallel."""
@@ -262,28 +280,134 @@ def fill_variables(
 def solve_postures(tree, bodies, inertia, task, state, floats, answer, c):  # type: ignore[no-untyped-def]
     """Fill in batch c of the answers, given cosine and sine of all joints.
 
-    The arguments are described in `kernel_impact`; `floats` has the fields of `state` as floats.
+    `inertia` is the joint-space inertia, its lower triangle, shape `(n + 1, n + 1)`; `floats` has
+    the fields of `state` as floats.
     """
     state.doubt = spread(0.0)
     tree_kernel.place_bodies(tree, bodies)
     tree_kernel.joint_space_inertia(tree, bodies, inertia)
     tree_kernel.contact_jacobian(tree, bodies, task, task.lever, state)
     if task.joint_impulses:  # before the Jacobian is whitened
-        kernel_impact.least_speed_use(tree, bodies, task, state)
+        least_speed_use(tree, bodies, task, state)
     tree_kernel.factorize(tree, inertia, state)
     tree_kernel.whiten(tree, bodies, inertia, task)
     tree_kernel.delassus_matrix(tree, bodies, inertia, state)
-    kernel_impact.solve_impact(task, state)
+    ball, u = (task.tangent_mobility, task.normal_mobility), (0.0, 0.0, -task.speed)
+    contact = task.restitution, task.friction
+    solve_newton_batch(state, ball, u, contact, LEAST_DIFFERENCE)
     if not task.planar:
-        kernel_impact.solve_slip(task, floats)
+        for i in range(floats.slips.size):
+            if floats.slips[i] > 0.0:  # one direction is possible
+                g, mu = with_ball(floats.delassus[:, i], ball), task.friction
+                x, y, _ = slip_direction(mu * g[0], mu * g[1], mu * g[2], g[3], g[4])
+                slip_of_lane(floats, g, u, contact, ((x, y),), i)
     if task.joint_impulses:
-        kernel_impact.doubt_singular(task, state)
+        doubt_singular(task, state)
         tree_kernel.solve_velocity(tree, bodies, inertia, state)
         tree_kernel.joint_impulses(tree, bodies, task, state)
         write_joint_impulses(task, state, answer, c)
     answer[TANGENT, c], answer[ACROSS, c] = state.impulse[0], state.impulse[1]
     answer[NORMAL, c], answer[MOBILITY, c] = state.impulse[2], state.delassus[D33]
     answer[DOUBT, c] = state.doubt
+
+
+@jitable
+def doubt_singular(task, state):  # type: ignore[no-untyped-def]
+    """Mark postures whose foot can hardly move along the normal alone, or across it."""
+    delassus = state.delassus
+    d11, d12, d22 = delassus[D11], delassus[D12], delassus[D22]
+    d13, d23, d33 = delassus[D13], delassus[D23], delassus[D33]
+    square, sound = d33 - d13 / d11 * d13, d11 > LEAST_SQUARE * d33
+    if not task.planar:
+        ratio = d12 / d11
+        h22, h23 = d22 - ratio * d12, d23 - ratio * d13
+        square = square - h23 / h22 * h23
+        sound = sound & (d22 > LEAST_SQUARE * d33) & (h22 > LEAST_SQUARE * d22)
+    sound = sound & (square > LEAST_SQUARE * larger(larger(d11, d22), d33))
+    state.doubt = choose(sound, state.doubt, 1.0)
+
+
+PARALLEL_SQUARE, ASKEW = ROUNDING**2, 1e-8
+"""Squared sine of two columns up to which they count as parallel, and from which on their cross
+product has digits enough; between them a posture is doubtful."""
+
+
+@jitable
+def least_speed_use(tree, bodies, task, state):  # type: ignore[no-untyped-def]
+    r"""Fill in the least possible value of the largest joint speed over its limit.
+
+    `sweep_kick.slowest_joint_velocity` solves the linear programme
+    :math:`\min \max_i |v_i| / l_i` under :math:`J v = w` for one posture. Its dual is
+
+    .. math:: \max_y \frac{w \cdot y}{\sum_i l_i |a_i \cdot y|}
+
+    with :math:`a_i` the columns of :math:`J` and w the foot's velocity less what a base that moves
+    gives it. The maximum lies at a :math:`y` that is orthogonal to
+    as many columns as fix it, two in space and one in a plane, so that all candidates can be tried
+    (Boyd and Vandenberghe, Convex Optimization, 2004, chapter 5). A call of `linprog` takes a
+    millisecond.
+    """
+    turned = cross(task.base_turn, vector(state.from_base))
+    for i in range(3):
+        state.needed[i] = (task.speed if i == 2 else 0.0) - (task.base_velocity[i] + turned[i])
+    movers, limited, least = 0, 0, math.inf
+    for k in range(1, len(tree)):
+        if tree[k].carries_foot and tree[k].speed_limit > 0.0:
+            movers += 1
+            limited += 1 if tree[k].speed_limit <= UNLIMITED else 0
+            least = min(least, tree[k].speed_limit)
+    state.speed_use = 0.0
+    if limited > 0:
+        for j in range(1, len(tree)):
+            if not tree[j].carries_foot:
+                continue
+            if task.planar:
+                column = bodies[j].jacobian
+                y = -column[2], spread(0.0), spread(0.0) + column[0]
+                _raise_speed_use(tree, bodies, state, least, y)
+                continue
+            for k in range(j + 1, len(tree)):
+                if tree[k].carries_foot:
+                    y = _orthogonal(bodies[j].jacobian, bodies[k].jacobian, state)
+                    _raise_speed_use(tree, bodies, state, least, y)
+    if movers < (2 if task.planar else 3):
+        state.doubt = 1.0
+    # from there on, the foot can hardly move so
+    state.doubt = choose(state.speed_use < 1e9, state.doubt, 1.0)
+
+
+@inlined
+def _orthogonal(a, b, state):  # type: ignore[no-untyped-def]
+    """Return the vector product of two columns, 0 where they are parallel."""
+    x, y, z = across = cross(a, b)
+    sine_square = dot(across, across) / (dot(a, a) * dot(b, b))
+    doubtful = (sine_square > PARALLEL_SQUARE) & (sine_square < ASKEW)
+    state.doubt = choose(doubtful, 1.0, state.doubt)
+    askew = choose(sine_square >= ASKEW, 1.0, 0.0)
+    return askew * x, askew * y, askew * z
+
+
+@jitable
+def _raise_speed_use(tree, bodies, state, least, y):  # type: ignore[no-untyped-def]
+    r"""Raise the speed use to the value of a candidate :math:`y`, if that is larger.
+
+    w is the velocity that the joints must give the contact point, and `least` the smallest speed
+    limit above 0.
+    """
+    capacity = spread(0.0)
+    for k in range(1, len(tree)):
+        limit, a = tree[k].speed_limit, bodies[k].jacobian
+        if not tree[k].carries_foot or limit == 0.0:
+            continue
+        along = magnitude(dot(a, y))
+        if limit > 1e3 * least:  # its product with a rounding error may count beside other joints
+            limit = limit if limit <= UNLIMITED else math.inf
+            moves = along > ROUNDING * square_root(dot(a, a) * dot(y, y))
+            capacity += choose(moves, limit * along, 0.0)
+        else:
+            capacity += limit * along
+    gain = magnitude(dot(state.needed, y))
+    state.speed_use = larger(state.speed_use, choose(gain > 0.0, gain / capacity, 0.0))
 
 
 def _sweep(axes, table, tree, task, bodies, inertia, state, answer):  # type: ignore[no-untyped-def]
@@ -340,7 +464,7 @@ def write_joint_impulses(task, state, answer, c):  # type: ignore[no-untyped-def
     answer[MOMENTUM, c] = state.momentum_error / (square_root(state.jacobian_square) * size)
 
 
-named(_sweep, "sweep", lanes, tree_kernel, contact_motion, newton_law, kernel_impact, sweep_kick)
+named(_sweep, "sweep", lanes, tree_kernel, contact_motion, newton_law, strike_kernel, sweep_kick)
 
 
 def _source() -> Source:

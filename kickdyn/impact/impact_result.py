@@ -24,9 +24,15 @@ from kickdyn.impact.leg_response import (
     footing,
     leg_response,
 )
-from kickdyn.impact.rounding import Rounding, digits_left, estimate_rounding
 from kickdyn.impact.sensitivity import Sensitivity
-from kickdyn.impact.uncertainty import Nominal, Uncertainty, uncertainty
+from kickdyn.impact.uncertainty import (
+    Nominal,
+    Rounding,
+    Uncertainty,
+    digits_left,
+    estimate_rounding,
+    uncertainty,
+)
 from kickdyn.robot.constraints import ConstraintBlock, Support
 
 RESIDUAL_ROUNDING = 1e-14

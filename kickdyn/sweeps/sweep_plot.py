@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from kickdyn.core.plot_style import styled
-from kickdyn.sweeps.summary import SpeedMap, Summary
+from kickdyn.sweeps.queries import SpeedMap, Summary
 from kickdyn.sweeps.sweep_report import ReportLine
 
 _LABEL = "ball speed / foot speed"

@@ -13,12 +13,11 @@ from kickdyn.contact import Contact
 from kickdyn.core.console import PIPE_WIDTH, PROSE, empty_table, screen_width, wrapped
 from kickdyn.core.files import finite
 from kickdyn.core.validation import Array, length
-from kickdyn.impact.pinocchio_engine import strike_by_pinocchio
-from kickdyn.impact.strike import strike
+from kickdyn.impact.strike import strike, strike_by_pinocchio
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import provenance, sweep_warnings, variables_of
 from kickdyn.sweeps.grid import DECIMALS, Grid
-from kickdyn.sweeps.summary import Summary, joint_values_by_unit
+from kickdyn.sweeps.queries import Summary, joint_values_by_unit
 from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus, kick_from
 
 PAPER_POSTURES = {

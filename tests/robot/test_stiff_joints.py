@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
-from kickdyn.impact.pinocchio_engine import strike_by_pinocchio
+from kickdyn.impact.strike import strike_by_pinocchio
 
 HUMAN = kd.Leg.human()
 STIFF = HUMAN.with_stiff_joints("ankle")

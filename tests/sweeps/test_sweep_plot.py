@@ -5,8 +5,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.queries import pareto_front
-from kickdyn.sweeps.summary import summarize
+from kickdyn.sweeps.queries import pareto_front, summarize
 from kickdyn.sweeps.sweep_plot import sweep_figure
 from kickdyn.sweeps.sweep_report import extreme_lines
 

@@ -12,7 +12,7 @@ from tolerances import closed_form, optimized
 import kickdyn as kd
 from kickdyn.sweeps import sweep_report
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.summary import summarize
+from kickdyn.sweeps.queries import summarize
 
 LEG, KICK = kd.Leg.human(), kd.Kick()
 POSTURES = {"hip": [0.0, 0.2, 0.4], "knee": [0.2, 0.6], "ankle": [-0.2, 0.2]}

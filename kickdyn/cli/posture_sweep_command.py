@@ -186,7 +186,7 @@ def posture_sweep(
     if output.prints:
         show(robot, kick, summary, lines)
     if output.plot is not None:  # the results are written: a picture that fails costs none of them
-        from kickdyn.sweeps.sweep_plot import sweep_figure
+        from kickdyn.sweeps.sweep_report import sweep_figure
 
         output.save_plot(partial(sweep_figure, summary, lines))
     pages: dict[str, Any] = {}

@@ -1,6 +1,5 @@
 """Many contacts that take time: the answers of `collide`, in machine code."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
@@ -13,15 +12,7 @@ from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.lanes import blank_records
 from kickdyn.core.validation import Array, ArrayLike
-from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import AT_REST
-from kickdyn.impact.batch_arguments import (
-    contact_frames,
-    one_or_many,
-    rows_of,
-    unit_warnings,
-    vector_rows,
-)
 from kickdyn.impact.collide import (
     COLLIDE,
     CONTACT_TIME,
@@ -40,7 +31,18 @@ from kickdyn.impact.force_model import (
     spring_time,
 )
 from kickdyn.impact.strike_kernel import FASTEST
-from kickdyn.impact.strike_many import StrikeStatus, failed_rows, put_rows
+from kickdyn.impact.strike_many import (
+    ContactRows,
+    StrikeStatus,
+    contact_frames,
+    failed_rows,
+    fill_rows,
+    one_or_many,
+    put_rows,
+    rows_of,
+    unit_warnings,
+    vector_rows,
+)
 from kickdyn.restitution import restitution_at
 from kickdyn.robot.leg import Leg
 
@@ -155,8 +157,8 @@ def collide_many(
     spin = vector_rows("ball spin", ball_spin, n)
     checked_stiffness(contact_time, stiffness)
     inflated = False
+    contact_rows = ContactRows.of(contacts)
     for one_contact in contacts:
-        one_contact.check_normal()
         inflated |= takes_inflated_force(one_contact, contact_time, stiffness)
         if isinstance(one_contact.restitution, float):
             ForceModel(1.0, one_contact.restitution)  # refuses what no spring has
@@ -177,34 +179,29 @@ def collide_many(
     if kernel is not None:
         for start in range(0, n, CHUNK):
             rows = slice(start, min(start + CHUNK, n))
-            bodies = (
-                balls[rows] if len(balls) > 1 else balls,
-                contacts[rows] if len(contacts) > 1 else contacts,
-            )
+            bodies = balls[rows] if len(balls) > 1 else balls, contact_rows.part(rows)
             motion = angles[rows], speeds[rows], velocity[rows], spin[rows]
             remaining[rows] = _collide(kernel, collisions, rows, motion, bodies, options, tol)
-    for i in np.flatnonzero(remaining).tolist():
-        try:
-            given = leg.posture(angles[i]), speeds[i], balls[i % len(balls)]
-            single = collide(
-                *given, contacts[i % len(contacts)], torque=torques, ball_velocity=velocity[i],
-                ball_spin=spin[i], tol=tol, **options,
-            )  # fmt: skip
-        except KickdynError as error:
-            collisions.status[i] = StrikeStatus.of(error).flag
-            continue
-        after = single.ball_after
-        status = StrikeStatus.STICKS if single._motion.sticks else StrikeStatus.SLIPS
-        put_rows(collisions, i, single.impulse, after.velocity, after.spin, after.position,
-                 single.q_after, single.v_after, single.contact_time, single.deflection,
-                 single.approach_speed, single.energy_lost, single.energy_residual,
-                 status.flag)  # fmt: skip
+
+    def single(i: int) -> tuple[Any, ...]:
+        one = collide(
+            leg.posture(angles[i]), speeds[i], balls[i % len(balls)], contacts[i % len(contacts)],
+            torque=torques, ball_velocity=velocity[i], ball_spin=spin[i], tol=tol, **options,
+        )  # fmt: skip
+        after, sticks = one.ball_after, one._motion.sticks
+        return (
+            one.impulse, after.velocity, after.spin, after.position, one.q_after, one.v_after,
+            one.contact_time, one.deflection, one.approach_speed, one.energy_lost,
+            one.energy_residual, StrikeStatus.of_points(sticks).flag,
+        )  # fmt: skip
+
+    fill_rows(collisions, remaining, single)
     return replace(collisions, warnings=unit_warnings(leg, angles, balls))
 
 
 def _collide(
     kernel: "ContactKernel", collisions: Collisions, rows: slice, motion: tuple[Array, ...],
-    bodies: tuple[list[Ball], list[Contact]], options: dict[str, Any], tol: float,
+    bodies: tuple[list[Ball], ContactRows], options: dict[str, Any], tol: float,
 ) -> NDArray[np.bool_]:  # fmt: skip
     """Write rows of results; return which of them are left to `collide`."""
     from kickdyn.impact import collide_kernel as code
@@ -253,32 +250,25 @@ def _collide(
     return remaining
 
 
-def _given(kernel: "ContactKernel", n: int, balls: list[Ball], contacts: list[Contact]) -> Any:
+def _given(kernel: "ContactKernel", n: int, balls: list[Ball], contacts: ContactRows) -> Any:
     """Return lanes with what is given of n contacts, as `ContactKernel.begin` takes them."""
-    (lanes,), leg = blank_records(LANE, 1, n), kernel.leg
-    frames = contact_frames(np.array([contact.normal for contact in contacts]))
-    lanes.axes[:] = frames.reshape(-1, 9).T
-    frame = leg.workspace.model.frames[leg.frame_id].placement
-    offsets = np.array([(0.0, 0.0, 0.0) if contact.offset is None else contact.offset
-                        for contact in contacts])  # fmt: skip
-    lanes.arm[:] = kernel.foot_axes.T @ (leg.contact_lever + offsets @ frame.rotation.T).T
+    (lanes,) = blank_records(LANE, 1, n)
+    lanes.axes[:] = contact_frames(contacts.normal).reshape(-1, 9).T
+    lanes.arm[:] = kernel.foot_axes.T @ contacts.levers(kernel.leg).T
     lanes.inverse_mass[:] = [1.0 / ball.mass for ball in balls]
     lanes.inverse_inertia[:] = [1.0 / ball.inertia for ball in balls]
     lanes.radius[:] = [ball.radius for ball in balls]
-    lanes.friction[:] = [contact.friction for contact in contacts]
+    lanes.friction[:] = contacts.friction
     return lanes
 
 
 def _spring(
-    speed: Array, mass: Array, bodies: tuple[list[Ball], list[Contact]], options: dict[str, Any],
+    speed: Array, mass: Array, bodies: tuple[list[Ball], ContactRows], options: dict[str, Any],
     ready: NDArray[np.bool_],
 ) -> tuple[Array, float, Array, Array]:  # fmt: skip
     """Return stiffness, exponent, restitution and expected contact time of contacts."""
     (balls, contacts), n = bodies, len(speed)
-    restitution = np.array([
-        contact.restitution if isinstance(contact.restitution, float) else math.nan
-        for contact in contacts
-    ]) * np.ones(n)  # fmt: skip
+    restitution = contacts.restitution * np.ones(n)
     for i in np.flatnonzero(ready & np.isnan(restitution)).tolist():
         contact = contacts[i % len(contacts)]
         restitution[i] = restitution_at(contact.restitution, float(speed[i]))

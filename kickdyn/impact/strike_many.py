@@ -394,7 +394,8 @@ class Strikes:
             for k in (rows.IMPULSE, rows.BALL_VELOCITY, rows.BALL_SPIN, rows.BALL_POSITION)
         ]
         fields += [answer[:, rows.FIRST : end], answer[:, end:].reshape(n, nv, 6)]
-        impacts = Impacts(*fields, answer[:, rows.APPROACH], answer[:, rows.LOST], flags)
+        fields += [answer[:, rows.APPROACH], answer[:, rows.LOST], flags]
+        impacts = Impacts(*fields)
         return impacts, flags == rows.ANEW
 
     def _run(self, q: Array, v: Array) -> tuple[Array, NDArray[np.int8]]:

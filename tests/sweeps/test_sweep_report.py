@@ -166,18 +166,18 @@ PLOT_GRID = Grid.of(
 
 
 @pytest.fixture(scope="module")
-def plotted():
+def small_sweep():
     return kd.sweep(LEG, PLOT_GRID.axes, PLOTTED)
 
 
-def test_maps_show_the_best_over_the_other_joints(plotted):
-    summary = summarize(plotted)
+def test_maps_show_the_best_over_the_other_joints(small_sweep):
+    summary = summarize(small_sweep)
     lines = extreme_lines(LEG, PLOT_GRID, PLOTTED, summary)
     panels = sweep_figure(summary, lines).axes
     for panel, names, other in zip(panels, (("hip", "knee"), ("hip", "ankle"), ("knee", "ankle")),
                                    ("ankle", "knee", "hip"), strict=False):  # fmt: skip
         mesh = panel.collections[0]
-        right = plotted.speed_ratio.max(other).transpose(*reversed(names)).values
+        right = small_sweep.speed_ratio.max(other).transpose(*reversed(names)).values
         assert np.asarray(mesh.get_array()).ravel() == pytest.approx(right.ravel())
         assert (panel.get_xlabel(), panel.get_ylabel()) == tuple(f"{n} [deg]" for n in names)
         assert other in panel.get_title()
@@ -188,18 +188,18 @@ def test_maps_show_the_best_over_the_other_joints(plotted):
     dots = panels[3].collections[0]
     shown = np.column_stack([np.asarray(dots.get_offsets()), np.asarray(dots.get_array()) / 100])
     names = ("worst_joint_impulse", "speed_ratio", "speed_use")
-    plotted = np.column_stack([plotted[name].values.ravel() for name in names])
-    ordered = [rows[np.lexsort(rows.round(9).T)] for rows in (shown, plotted)]
+    values = np.column_stack([small_sweep[name].values.ravel() for name in names])
+    ordered = [rows[np.lexsort(rows.round(9).T)] for rows in (shown, values)]
     assert ordered[0] == pytest.approx(ordered[1])
-    best = pareto_front(plotted)
+    best = pareto_front(small_sweep)
     unbeaten = best.worst_joint_impulse.values[::-1], best.ball_speed.values[::-1] / PLOTTED.speed
     assert np.array(front.get_data()) == pytest.approx(np.array(unbeaten))
     assert [panel.collections[0].get_clim()[1] for panel in panels[:3]] == (
-        [pytest.approx(plotted.speed_ratio.values.max())] * 3)  # fmt: skip
+        [pytest.approx(small_sweep.speed_ratio.values.max())] * 3)  # fmt: skip
 
 
 def test_one_joint_is_a_curve():
-    plotted = kd.sweep(LEG, {"knee": np.radians([0.0, 10.0, 30.0])}, PLOTTED)
-    (curve,) = sweep_figure(summarize(plotted)).axes[0].lines
+    small_sweep = kd.sweep(LEG, {"knee": np.radians([0.0, 10.0, 30.0])}, PLOTTED)
+    (curve,) = sweep_figure(summarize(small_sweep)).axes[0].lines
     assert curve.get_xdata() == pytest.approx([0, 10, 30])
-    assert curve.get_ydata() == pytest.approx(plotted.speed_ratio.values)
+    assert curve.get_ydata() == pytest.approx(small_sweep.speed_ratio.values)

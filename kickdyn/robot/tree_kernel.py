@@ -78,7 +78,6 @@ MOTION = np.dtype(
 
 STATE = np.dtype(
     [
-        ("number", float, BATCH),  # 0, 1, 2 ... within the batch; given
         ("point", float, (3, BATCH)),  # contact point from the origin of the foot's joint [m]
         ("from_base", float, (3, BATCH)),  # contact point from the origin of the first joint [m]
         ("needed", float, (3, BATCH)),  # velocity that the joints must give the contact point [m/s]

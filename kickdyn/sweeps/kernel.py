@@ -63,18 +63,6 @@ in a joint [N s], residuals of restitution and momentum. The impulse alone fills
 
 ROWS = 10
 
-AXIS = np.dtype(
-    [
-        ("joint", np.int64),
-        ("first", np.int64),  # row of its first value in the table of all values
-        ("steps", np.int64),  # number of values
-        ("repeats", np.int64),  # how many postures in a row share a value: 1, or at least `BATCH`
-        ("number", np.int64),  # of the present value
-        ("done", np.int64),  # how many postures have had the present value
-    ]
-)
-"""An axis of the grid, and where the kernel is on it."""
-
 LEAST_DIFFERENCE = 1e-3
 """Share that a difference must keep of its terms, or the posture is doubtful."""
 
@@ -177,67 +165,64 @@ class Kernel:
 
     def __init__(self, model: KernelModel, leg: Leg, grid: Grid, *, machine_code: bool) -> None:
         self._kernel = KERNEL() if machine_code else None
-        self._model, self._grid = model, grid
-        joints = [1 + leg.joint_names.index(name) for name in grid.axes]
-        axes = np.zeros(len(joints), AXIS)
-        axes["joint"], axes["steps"] = joints, [len(values) for values in grid.axes.values()]
-        axes["repeats"] = np.append(np.cumprod(grid.shape[:0:-1])[::-1], 1)  # 1 of a list
-        tables = [self._motion(k, q) for k, q in zip(joints, grid.axes.values(), strict=True)]
-        for a in np.flatnonzero(axes["repeats"] < BATCH):  # one row per posture, as far as needed
-            table = np.repeat(tables[a], axes["repeats"][a], axis=0)
-            axes["steps"][a], axes["repeats"][a] = len(table), 1
-            tables[a] = np.resize(table, (len(table) + BATCH, 2))
-        lengths = np.array([len(table) for table in tables])
-        axes["first"] = np.cumsum(lengths) - lengths
-        self._axes, self._table = axes, np.ascontiguousarray(np.concatenate(tables).T)
+        self._model = model
+        self._joints = np.array([1 + leg.joint_names.index(name) for name in grid.axes])
+        # how many postures in a row share a value of each joint
+        repeats = np.append(np.cumprod(grid.shape[:0:-1], dtype=np.int64)[::-1], 1)
+        self._repeats = np.broadcast_to(repeats, len(grid.axes)).tolist()
+        self._tables = [
+            self._motion(k, q) for k, q in zip(self._joints, grid.axes.values(), strict=True)
+        ]
 
     def __call__(self, first: int, count: int, *, joint_impulses: bool = True) -> Array:
         """Return the answers of `count` postures from number `first` on, shape `(ROWS, count)`.
 
         Rows are as above. Without `joint_impulses`, the first five rows are computed.
         """
-        if self._kernel is None:
-            return self._in_python(first, count, joint_impulses=joint_impulses)
-        answer = np.empty((ROWS, -(-count // BATCH), BATCH))
-        axes, task = self._axes.copy(), self._model.task.copy()
-        axes["number"] = first // axes["repeats"] % axes["steps"]
-        axes["done"] = first % axes["repeats"]
+        model, n = self._model, len(self._model.tree)
+        task, still = model.task.copy(), ~model.tree["slides"][:, None]  # other joints are at 0
         task["joint_impulses"] = joint_impulses
-        self._kernel(axes, self._table, self._model.tree, task, *self._memory(), answer)
-        return answer.reshape(ROWS, -1)[:, :count]
-
-    def _in_python(self, first: int, count: int, *, joint_impulses: bool) -> Array:
-        """Return the result of a call, by the same functions on arrays of all postures."""
-        model, numbers = self._model, np.arange(first, first + count)
-        n = len(model.tree)
-        bodies, (state,) = blank_records(BODY, n, count), blank_records(STATE, 1, count)
-        for k in range(1, n):
-            bodies[k].cosine[:] = not model.tree["slides"][k]
-        for axis in self._axes:
-            number = numbers // axis["repeats"] % axis["steps"] + axis["first"]
-            body = bodies[axis["joint"]]
-            body.cosine, body.sine = self._table[:, number]
-        tree, (task,) = namespaces(model.tree), namespaces(model.task)
-        task.joint_impulses = joint_impulses
-        answer = np.empty((ROWS, 1, count))
+        padded = -(-count // BATCH) * BATCH
+        motion = np.empty((len(self._joints), 2, padded))
+        for row, table, repeats in zip(motion, self._tables, self._repeats, strict=True):
+            begin, end, steps = first // repeats, -(-(first + count) // repeats), table.shape[1]
+            offset = begin % steps
+            rounds = 1 + (offset + end - begin - 1) // steps
+            values = np.tile(table, rounds) if rounds > 1 else table
+            values = values[:, offset : offset + end - begin]
+            if repeats > 1:
+                ends = np.clip(repeats * np.arange(begin, end), first, first + count)
+                values = values.repeat(np.diff(ends, append=first + count), axis=1)
+            row[:, :count] = values
+        motion[..., count:] = motion[..., count - 1 : count]
+        answer = np.empty((ROWS, padded // BATCH, BATCH))
+        if self._kernel is not None:
+            bodies, state = aligned_zeros((n,), BODY), aligned_zeros((1,), STATE)
+            bodies["cosine"] = still
+            inertia = aligned_zeros((n, n, BATCH))
+            motion = motion.reshape(*motion.shape[:2], -1, BATCH)
+            self._kernel(self._joints, motion, model.tree, task, bodies, inertia, state, answer)
+            return answer.reshape(ROWS, -1)[:, :count]
+        # the same functions on arrays of all postures
+        places, (state,) = blank_records(BODY, n, padded), blank_records(STATE, 1, padded)
+        for body, fixed in zip(places, still, strict=True):
+            body.cosine[:] = fixed
+        for joint, row in zip(self._joints, motion, strict=True):
+            places[joint].cosine, places[joint].sine = row
+        tree, (of_kick,) = namespaces(model.tree), namespaces(task)
+        answer = answer.reshape(ROWS, 1, padded)
         with np.errstate(all="ignore"):  # of doubtful postures
-            solve_postures(tree, bodies, np.zeros((n, n, count)), task, state, state, answer, 0)
-        return answer.reshape(ROWS, count)
+            solve_postures(
+                tree, places, np.zeros((n, n, padded)), of_kick, state, state, answer, 0
+            )  # fmt: skip
+        return answer[:, 0, :count]
 
     def _motion(self, k: int, values: Array) -> Array:
         """Return cosine and sine of a joint's values for the kernel, or a slide and 0."""
         signed = self._model.senses[k] * values
         if self._model.tree["slides"][k]:
-            return np.column_stack([signed, np.zeros(len(values))])
-        return np.column_stack([np.cos(signed), np.sin(signed)])
-
-    def _memory(self) -> tuple[NDArray[Any], ...]:
-        """Return the memory that a call of the kernel works in, joints at 0."""
-        n = len(self._model.tree)
-        bodies, state = aligned_zeros((n,), BODY), aligned_zeros((1,), STATE)
-        bodies["cosine"] = ~self._model.tree["slides"][:, None]
-        state["number"] = np.arange(BATCH)
-        return bodies, aligned_zeros((n, n, BATCH)), state
+            return np.vstack([signed, np.zeros(len(values))])
+        return np.vstack([np.cos(signed), np.sin(signed)])
 
 
 def fill_variables(
@@ -410,45 +395,21 @@ def _raise_speed_use(tree, bodies, state, least, y):  # type: ignore[no-untyped-
     state.speed_use = larger(state.speed_use, choose(gain > 0.0, gain / capacity, 0.0))
 
 
-def _sweep(axes, table, tree, task, bodies, inertia, state, answer):  # type: ignore[no-untyped-def]
-    """Fill in the answers of consecutive postures, `BATCH` at a time.
+def _sweep(joints, motion, tree, task, bodies, inertia, state, answer):  # type: ignore[no-untyped-def]
+    """Fill in the answers of postures, `BATCH` at a time.
 
-    `axes` are the axes of the grid, dtype `AXIS`, and `table` has cosine and sine of all their
-    values in two rows. `bodies`, `inertia` and `state` are memory of the caller's, because code
-    that allocates none compiles in three quarters of the time. Here `task` and `state` have shape
-    `(1,)`.
+    `motion` has cosine and sine of `joints`, `(k, 2, batches, BATCH)`. `bodies`, `inertia` and
+    `state` are memory of the caller's, because code that allocates none compiles in three quarters
+    of the time. Here `task` and `state` have shape `(1,)`.
     """
     task, floats = task[0], state[0]
     bodies, inertia, state = batches(bodies), batches(inertia), batches(state)[0]
-    answer = batches(answer)
+    answer, motion = batches(answer), batches(motion)
     for c in range(answer.shape[1]):
-        for a in range(len(axes)):
-            move_joint(axes[a], table, bodies[axes[a].joint], state.number)
+        for a in range(len(joints)):
+            body = bodies[joints[a]]
+            body.cosine, body.sine = motion[a, 0, c], motion[a, 1, c]
         solve_postures(tree, bodies, inertia, task, state, floats, answer, c)
-
-
-@jitable
-def move_joint(axis, table, body, number):  # type: ignore[no-untyped-def]
-    """Fill in the motion of the joint of an axis for a batch of postures; move the axis on.
-
-    Where `repeats` is 1, the values go on beyond `steps` from the beginning; else a batch has two
-    values at most. `number` counts the postures of a batch.
-    """
-    begin, done = axis.first + axis.number, axis.done + BATCH
-    if axis.repeats == 1:
-        body.cosine = batches(table[0, begin : begin + BATCH])[()]
-        body.sine = batches(table[1, begin : begin + BATCH])[()]
-        axis.number = (axis.number + BATCH) % axis.steps
-        return
-    following = axis.number + 1
-    following = 0 if following == axis.steps else following
-    changed = number >= float(axis.repeats - axis.done)
-    end = axis.first + following
-    body.cosine = choose(changed, table[0, end], table[0, begin])
-    body.sine = choose(changed, table[1, end], table[1, begin])
-    axis.done = done
-    if done >= axis.repeats:
-        axis.number, axis.done = following, done - axis.repeats
 
 
 @jitable
@@ -471,11 +432,10 @@ def _source() -> Source:
     import numba  # here, because it takes long to import
 
     typeof: Any = numba.typeof
-    axes, tree, task, bodies, state = (
-        typeof(np.zeros(1, dtype)) for dtype in (AXIS, JOINT, TASK, BODY, STATE)
-    )
-    matrix, cube = numba.float64[:, ::1], numba.float64[:, :, ::1]
-    signature = numba.void(axes, matrix, tree, task, bodies, cube, state, cube)
+    tree, task, bodies, state = (typeof(np.zeros(1, dtype)) for dtype in (JOINT, TASK, BODY, STATE))
+    cube, motion = numba.float64[:, :, ::1], numba.float64[:, :, :, ::1]
+    joints = numba.int64[::1]
+    signature = numba.void(joints, motion, tree, task, bodies, cube, state, cube)
     return Source(_sweep, signature, OPTIONS)
 
 

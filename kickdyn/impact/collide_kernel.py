@@ -67,19 +67,9 @@ from kickdyn.robot.tree_kernel import (
     JOINT,
     MOTION,
     STATE,
-    contact_jacobian,
     cross,
-    delassus_matrix,
-    factorize,
-    hinges_and_slides,
-    joint_space_inertia,
-    joint_tree,
-    place_bodies,
     put,
     vector,
-    velocity_torques,
-    whiten,
-    whiten_torques,
 )
 
 if TYPE_CHECKING:
@@ -180,7 +170,7 @@ def place(tree, angles, column, bodies):
             bodies[k].cosine = angle
         else:
             bodies[k].sine, bodies[k].cosine = sine_and_cosine(angle)
-    place_bodies(tree, bodies)
+    tree_kernel.place_bodies(tree, bodies)
 
 
 @jitable
@@ -197,8 +187,8 @@ def contact_terms(tree, task, torque, lane, column, memory):
         motion[k].speed, motion[k].free = column[nv + k - 1], torque[k - 1]
         row = bodies[k].jacobian
         row[0], row[1], row[2] = 0.0, 0.0, 0.0
-    joint_space_inertia(tree, bodies, inertia)
-    velocity_torques(tree, bodies, motion)
+    tree_kernel.joint_space_inertia(tree, bodies, inertia)
+    tree_kernel.velocity_torques(tree, bodies, motion)
     foot, rotation = bodies[task.foot], bodies[task.foot].rotation
     for r in range(0, 9, 3):
         x, y, z = lane.axes[r], lane.axes[r + 1], lane.axes[r + 2]
@@ -228,15 +218,15 @@ def contact_terms(tree, task, torque, lane, column, memory):
     )
     lane.height = reach[2]
     put(lane.sliding, relative)
-    contact_jacobian(tree, bodies, task, _of_axes(lane.axes, point), state)
+    tree_kernel.contact_jacobian(tree, bodies, task, _of_axes(lane.axes, point), state)
     for k in range(1, n):
         if tree[k].carries_foot:
             row = bodies[k].jacobian
             put(row, _along(turned, vector(row)))
-    factorize(tree, inertia, state)
-    whiten(tree, bodies, inertia, task)
-    whiten_torques(tree, motion, inertia)
-    delassus_matrix(tree, bodies, inertia, state)
+    tree_kernel.factorize(tree, inertia, state)
+    tree_kernel.whiten(tree, bodies, inertia, task)
+    tree_kernel.whiten_torques(tree, motion, inertia)
+    tree_kernel.delassus_matrix(tree, bodies, inertia, state)
     e1, e2 = spread(0.0), spread(0.0)
     for k in range(1, n):
         row, free = bodies[k].jacobian, inertia[k, k] * motion[k].free
@@ -573,5 +563,5 @@ class ContactKernel:
 @lru_cache(maxsize=8)
 def _geometry(leg: Leg) -> tuple[Any, ...] | None:
     """Return constants, frames and senses of the joints of a leg; None for other joints."""
-    joints = hinges_and_slides(leg)
-    return None if joints is None else joint_tree(leg, joints, np.eye(3))
+    joints = tree_kernel.hinges_and_slides(leg)
+    return None if joints is None else tree_kernel.joint_tree(leg, joints, np.eye(3))

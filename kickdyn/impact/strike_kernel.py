@@ -44,19 +44,11 @@ from kickdyn.robot.tree_kernel import (
     JOINT,
     STATE,
     add,
-    contact_jacobian,
     cross,
-    delassus_matrix,
     dot,
-    factorize,
-    joint_impulses,
-    joint_space_inertia,
-    place_bodies,
     put,
     scale,
-    solve_velocity,
     vector,
-    whiten,
 )
 
 TASK = np.dtype([("foot", np.int64), ("planar", np.bool_)], align=True)
@@ -192,10 +184,10 @@ def strike_batch(tree, frames, senses, task, given, g, memory):  # type: ignore[
             bodies[k].sine, bodies[k].cosine = sine_and_cosine(angle)
             doubt = choose(magnitude(angle) < LARGEST_ANGLE, doubt, 1.0)
     state.doubt = doubt
-    place_bodies(tree, bodies)
-    joint_space_inertia(tree, bodies, inertia)
+    tree_kernel.place_bodies(tree, bodies)
+    tree_kernel.joint_space_inertia(tree, bodies, inertia)
     lever = given[LEVER, g], given[LEVER + 1, g], given[LEVER + 2, g]
-    contact_jacobian(tree, bodies, task, lever, state)
+    tree_kernel.contact_jacobian(tree, bodies, task, lever, state)
     a = (
         (given[AXES, g], given[AXES + 1, g], given[AXES + 2, g]),
         (given[AXES + 3, g], given[AXES + 4, g], given[AXES + 5, g]),
@@ -221,9 +213,9 @@ def strike_batch(tree, frames, senses, task, given, g, memory):  # type: ignore[
     lanes.restitution, lanes.friction = given[RESTITUTION, g], given[FRICTION, g]
     inverse, turning = given[INVERSE_MASS, g], given[TURNING, g]
     lanes.tangent_mobility, lanes.normal_mobility = inverse + turning, inverse
-    factorize(tree, inertia, state)
-    whiten(tree, bodies, inertia, task)
-    delassus_matrix(tree, bodies, inertia, state)
+    tree_kernel.factorize(tree, inertia, state)
+    tree_kernel.whiten(tree, bodies, inertia, task)
+    tree_kernel.delassus_matrix(tree, bodies, inertia, state)
     sticks = solve_newton_batch(
         state, (lanes.tangent_mobility, inverse), (u1, u2, u3),
         (lanes.restitution, lanes.friction), LEAST_SHARE,
@@ -231,11 +223,11 @@ def strike_batch(tree, frames, senses, task, given, g, memory):  # type: ignore[
     for i in range(floats.slips.size):
         if floats.slips[i] > 0.0:
             _slip(floats, lane_floats, i)
-    solve_velocity(tree, bodies, inertia, state)
+    tree_kernel.solve_velocity(tree, bodies, inertia, state)
     s, t, p = state.impulse[0], state.impulse[1], state.impulse[2]
     impulse = add(add(scale(s, a[0]), scale(t, a[1])), scale(p, a[2]))
     put(state.impulse, impulse)
-    joint_impulses(tree, bodies, task, state)
+    tree_kernel.joint_impulses(tree, bodies, task, state)
     point = vector(state.point)
     k = task.foot
     while k > 0:

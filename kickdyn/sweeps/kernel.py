@@ -47,8 +47,6 @@ from kickdyn.robot.tree_kernel import (
     STATE,
     cross,
     dot,
-    hinges_and_slides,
-    joint_tree,
     vector,
 )
 from kickdyn.sweeps import sweep_kick
@@ -120,13 +118,13 @@ class KernelModel:
         It serves no floating base, no supports, no loops and no helical joints, and no base that
         moves across the plane of planar motion.
         """
-        joints = hinges_and_slides(leg)
+        joints = tree_kernel.hinges_and_slides(leg)
         if joints is None:
             return None
         normal = _plane_normal(joints.world_axes, joints.slides, kick.direction)
         sliding = np.zeros(3) if normal is None else np.cross(normal, kick.direction)
         axes, task, ball = contact_axes(kick.direction, sliding), np.zeros(1, TASK), kick.ball
-        tree, frames, senses = joint_tree(leg, joints, axes)
+        tree, frames, senses = tree_kernel.joint_tree(leg, joints, axes)
         task["foot"], task["planar"] = leg.contact_joint, normal is not None
         task["lever"] = frames[leg.contact_joint].T @ leg.contact_lever
         task["normal_mobility"] = 1.0 / ball.mass

@@ -54,17 +54,6 @@ from kickdyn.robot.tree_kernel import (
 TASK = np.dtype([("foot", np.int64), ("planar", np.bool_)], align=True)
 """The joint that carries the contact point; motion is never taken to be in a plane."""
 
-LANE = np.dtype(
-    [
-        ("restitution", float, BATCH),
-        ("friction", float, BATCH),
-        ("tangent_mobility", float, BATCH),  # what the ball adds to the Delassus matrix [1/kg]
-        ("normal_mobility", float, BATCH),
-        ("velocity", float, (3, BATCH)),  # of the ball over the foot, in the contact's axes [m/s]
-    ]
-)
-"""What the impulse follows from, beside the Delassus matrix."""
-
 AXES, LEVER, CENTRE, VELOCITY, SPIN, RADIUS = 0, 9, 12, 15, 18, 21
 RESTITUTION, FRICTION, INVERSE_MASS, TURNING, GIVEN = 22, 23, 24, 25, 26
 """Rows of what is given of each strike: two tangents and the normal, contact point in the frame of
@@ -155,22 +144,25 @@ def slip_of_lane(floats, g, u, contact, directions, i):  # type: ignore[no-untyp
 
 
 @jitable
-def _slip(floats, lane, i):  # type: ignore[no-untyped-def]
-    """Fill in the impulse of lane i where the points slip in one of several directions."""
-    ball = lane.tangent_mobility[i], lane.normal_mobility[i]
-    g, contact = with_ball(floats.delassus[:, i], ball), (lane.restitution[i], lane.friction[i])
-    u = lane.velocity[0, i], lane.velocity[1, i], lane.velocity[2, i]
-    slip_of_lane(floats, g, u, contact, meet_circle(slip_conic(g, u, *contact)), i)
+def _slip(floats, given, g, i):  # type: ignore[no-untyped-def]
+    """Fill in the impulse of lane i of batch g where the points slip in one of several ways."""
+    inverse = given[INVERSE_MASS, g, i]
+    ball = inverse + given[TURNING, g, i], inverse
+    matrix = with_ball(floats.delassus[:, i], ball)
+    contact = given[RESTITUTION, g, i], given[FRICTION, g, i]
+    u = floats.velocity[0, i], floats.velocity[1, i], floats.velocity[2, i]
+    directions = meet_circle(slip_conic(matrix, u, *contact))
+    slip_of_lane(floats, matrix, u, contact, directions, i)
 
 
 @jitable
-def strike_batch(tree, frames, senses, task, given, g, memory):  # type: ignore[no-untyped-def]
+def strike_batch(tree, frames, senses, task, given, given_floats, g, memory):  # type: ignore[no-untyped-def]
     """Fill in the answers of one batch of strikes; `given` is read at batch g.
 
-    `memory` is what it works in: lanes, their floats, bodies, the matrix of inertia, state, its
-    floats, and rows of joint angles, velocities, columns of the answer and the flag.
+    `memory` is what it works in: bodies, the matrix of inertia, state, its floats, and rows of
+    joint angles, velocities, columns of the answer and the flag.
     """
-    lanes, lane_floats, bodies, inertia, state, floats, row_of = memory
+    bodies, inertia, state, floats, row_of = memory
     n = len(tree)
     nv = n - 1
     result, first = row_of[2 * nv :], FIRST + nv
@@ -209,20 +201,17 @@ def strike_batch(tree, frames, senses, task, given, g, memory):  # type: ignore[
         x, y, z = dot(a[0], column), dot(a[1], column), dot(a[2], column)
         row[0], row[1], row[2] = x, y, z
         u1, u2, u3 = u1 - x * speed, u2 - y * speed, u3 - z * speed
-    put(lanes.velocity, (u1, u2, u3))
-    lanes.restitution, lanes.friction = given[RESTITUTION, g], given[FRICTION, g]
+    put(state.velocity, (u1, u2, u3))
     inverse, turning = given[INVERSE_MASS, g], given[TURNING, g]
-    lanes.tangent_mobility, lanes.normal_mobility = inverse + turning, inverse
     tree_kernel.factorize(tree, inertia, state)
     tree_kernel.whiten(tree, bodies, inertia, task)
     tree_kernel.delassus_matrix(tree, bodies, inertia, state)
-    sticks = solve_newton_batch(
-        state, (lanes.tangent_mobility, inverse), (u1, u2, u3),
-        (lanes.restitution, lanes.friction), LEAST_SHARE,
-    )  # fmt: skip
+    contact = given[RESTITUTION, g], given[FRICTION, g]
+    ball = inverse + turning, inverse
+    sticks = solve_newton_batch(state, ball, (u1, u2, u3), contact, LEAST_SHARE)
     for i in range(floats.slips.size):
         if floats.slips[i] > 0.0:
-            _slip(floats, lane_floats, i)
+            _slip(floats, given_floats, g, i)
     tree_kernel.solve_velocity(tree, bodies, inertia, state)
     s, t, p = state.impulse[0], state.impulse[1], state.impulse[2]
     impulse = add(add(scale(s, a[0]), scale(t, a[1])), scale(p, a[2]))
@@ -268,16 +257,13 @@ def _strike(tree, frames, task, senses, given, motion, memory, answer):  # type:
 
     `given` has the rows that the names above say, of one batch where all strikes share them. Joint
     angles and velocities, and answers with their flags, have a row for each strike. `memory` is
-    what it works in: a `LANE`, the bodies, the matrix of inertia, a `STATE`, and a batch of joint
-    angles, velocities, columns of the answer and the flag.
+    what it works in: the bodies, the matrix of inertia, a `STATE`, and a batch of joint angles,
+    velocities, columns of the answer and the flag.
     """
     (q, v), (answer, flags) = motion, answer
-    lanes, bodies, inertia, state, floats_of = memory
-    task, floats, lane_floats, count = task[0], state[0], lanes[0], len(q)
-    batch = (
-        batches(lanes)[0], lane_floats, batches(bodies), batches(inertia), batches(state)[0],
-        floats, batches(floats_of),
-    )  # fmt: skip
+    bodies, inertia, state, floats_of = memory
+    task, floats, count, given_floats = task[0], state[0], len(q), given
+    batch = batches(bodies), batches(inertia), batches(state)[0], floats, batches(floats_of)
     given = batches(given)
     nv, width = len(tree) - 1, answer.shape[1]
     for c in range((count + BATCH - 1) // BATCH):
@@ -287,7 +273,7 @@ def _strike(tree, frames, task, senses, given, motion, memory, answer):  # type:
             for k in range(nv):
                 floats_of[k, i] = senses[k + 1] * q[row, k]
                 floats_of[nv + k, i] = senses[k + 1] * v[row, k]
-        strike_batch(tree, frames, senses, task, given, g, batch)
+        strike_batch(tree, frames, senses, task, given, given_floats, g, batch)
         for i in range(min(BATCH, count - BATCH * c)):
             flags[BATCH * c + i] = np.int8(floats_of[2 * nv + width, i])
             row, column = answer[BATCH * c + i], floats_of[2 * nv :, i]
@@ -302,12 +288,10 @@ def _source() -> Source:
     import numba  # here, because it takes long to import
 
     typeof: Any = numba.typeof
-    tree, task, lanes, bodies, state = (
-        typeof(np.zeros(1, dtype)) for dtype in (JOINT, TASK, LANE, BODY, STATE)
-    )
+    tree, task, bodies, state = (typeof(np.zeros(1, dtype)) for dtype in (JOINT, TASK, BODY, STATE))
     vector, matrix, cube = numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
     tuple_of: Any = numba.types.Tuple
-    memory, motion = tuple_of((lanes, bodies, cube, state, matrix)), tuple_of((matrix, matrix))
+    memory, motion = tuple_of((bodies, cube, state, matrix)), tuple_of((matrix, matrix))
     answer = tuple_of((matrix, numba.int8[::1]))
     signature = numba.void(tree, cube, task, vector, cube, motion, memory, answer)
     return Source(_strike, signature, OPTIONS)

@@ -403,8 +403,8 @@ class Strikes:
         answer = np.empty((len(q), self._columns)), np.empty(len(q), np.int8)
         motion, count = (np.ascontiguousarray(q), np.ascontiguousarray(v)), len(self._tree[0])
         memory = (
-            aligned_zeros((1,), kernel.LANE), aligned_zeros((count,), BODY),
-            aligned_zeros((count, count, BATCH)), aligned_zeros((1,), STATE),
+            aligned_zeros((count,), BODY), aligned_zeros((count, count, BATCH)),
+            aligned_zeros((1,), STATE),
             aligned_zeros((2 * len(q.T) + self._columns + 1, BATCH)),
         )  # fmt: skip
         kernel.KERNEL()(*self._tree, self._table, motion, memory, answer)
@@ -419,13 +419,11 @@ class Strikes:
         table = self._table.reshape(kernel.GIVEN, 1, -1)
         inputs = np.broadcast_to(table[..., :n] if table.shape[2] >= n else table[..., :1],
                                 (kernel.GIVEN, 1, n))  # fmt: skip
-        (lanes,), (state,) = blank_records(kernel.LANE, 1, n), blank_records(STATE, 1, n)
-        memory = (lanes, lanes, blank_records(BODY, count, n), np.zeros((count, count, n)),
-                  state, state, row_of)  # fmt: skip
+        (state,), inertia = blank_records(STATE, 1, n), np.zeros((count, count, n))
+        memory = blank_records(BODY, count, n), inertia, state, state, row_of
+        leg = namespaces(tree), frames, senses, *namespaces(task)
         with np.errstate(all="ignore"):  # of strikes that are computed anew
-            kernel.strike_batch(
-                namespaces(tree), frames, senses, *namespaces(task), inputs, 0, memory
-            )
+            kernel.strike_batch(*leg, inputs, inputs, 0, memory)
         return row_of[2 * nv : -1].T.copy(), row_of[-1].astype(np.int8)
 
 

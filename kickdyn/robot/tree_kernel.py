@@ -80,6 +80,7 @@ STATE = np.dtype(
     [
         ("point", float, (3, BATCH)),  # contact point from the origin of the foot's joint [m]
         ("from_base", float, (3, BATCH)),  # contact point from the origin of the first joint [m]
+        ("velocity", float, (3, BATCH)),  # of the ball over the foot [m/s]
         ("needed", float, (3, BATCH)),  # velocity that the joints must give the contact point [m/s]
         ("jacobian_square", float, BATCH),  # sum of squares of the contact point's Jacobian
         ("delassus", float, (6, BATCH)),  # Delassus matrix of the foot [1/kg]

@@ -23,14 +23,14 @@ from kickdyn.impact.compliant_contact import (
     Torque,
 )
 from kickdyn.impact.force_model import (
-    HERTZ,
+    CONTACT_TIME,
     LINEAR,
     SHORTEST_CONTACT,
     ForceModel,
     InflatedForce,
     NormalForce,
     contact_stiffness,
-    contact_time_of,
+    spring_time,
 )
 from kickdyn.impact.integrate_contact import ContactMotion, integrate_contact
 from kickdyn.impact.leg_response import leg_response
@@ -43,11 +43,6 @@ PRESSURE_RANGE = 0.4
 
 STIFFNESSES = "pressure", "inflated"
 """Names that `collide` takes in place of a stiffness."""
-
-CONTACT_TIME = 0.010
-"""[s] for which the force acts. With it, the visible contact takes 12.9 ms at e = 0.7; 9 to 14 ms
-were seen in soccer, Australian football and rugby league (review in Ball, Ingleton, Peacock &
-Nunome, Ball impact dynamics in the punt kick, ISBS 2013)."""
 
 
 class ContactSample(NamedTuple):
@@ -426,7 +421,8 @@ def _expected_time(approach: Approach, model: NormalForce) -> float:
     """
     if not isinstance(model, ForceModel):
         model = ForceModel(approach.ball.stiffness, 1.0, LINEAR)
-    expected = contact_time_of(model, approach.reduced_mass(), approach.speed)
+    spring, speed = (model.stiffness, model.restitution, model.exponent), approach.speed
+    expected = float(spring_time(*spring, approach.reduced_mass(), speed))
     return validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
 
 
@@ -448,16 +444,15 @@ def _force_model(
     approach: Approach, contact_time: float | None, stiffness: float | str | None
 ) -> NormalForce:
     """Return the force model with the restitution of an approach."""
-    k, exponent = checked_stiffness(contact_time, stiffness), HERTZ
-    e = approach.restitution
-    if takes_inflated_force(approach.contact, contact_time, k):
+    given, e = checked_stiffness(contact_time, stiffness), approach.restitution
+    if takes_inflated_force(approach.contact, contact_time, given):
         return InflatedForce.of(approach.ball)
-    if isinstance(k, str):
-        k, exponent = approach.ball.stiffness, LINEAR
-    elif k is None:
+    if given is None:
         time = CONTACT_TIME if contact_time is None else contact_time
-        k = contact_stiffness(time, approach.reduced_mass(), approach.speed, e)
-    return ForceModel(k, e, exponent)
+        given = contact_stiffness(time, approach.reduced_mass(), approach.speed, e)
+    if isinstance(given, str):
+        return ForceModel(approach.ball.stiffness, e, LINEAR)
+    return ForceModel(given, e)
 
 
 def _checked_patch(

@@ -15,7 +15,6 @@ from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.impact.approach import AT_REST
 from kickdyn.impact.collide import (
     COLLIDE,
-    CONTACT_TIME,
     SECONDS_OF_COLLIDE,
     checked_stiffness,
     collide,
@@ -23,12 +22,9 @@ from kickdyn.impact.collide import (
 )
 from kickdyn.impact.contact_phases import LANE, set_lanes
 from kickdyn.impact.force_model import (
-    HERTZ,
-    LINEAR,
     LONGEST_CONTACT,
     ForceModel,
-    hertz_stiffness,
-    spring_time,
+    chosen_spring,
 )
 from kickdyn.impact.strike_kernel import FASTEST
 from kickdyn.impact.strike_many import (
@@ -265,20 +261,14 @@ def _given(kernel: "ContactKernel", n: int, balls: list[Ball], contacts: Contact
 def _spring(
     speed: Array, mass: Array, bodies: tuple[list[Ball], ContactRows], options: dict[str, Any],
     ready: NDArray[np.bool_],
-) -> tuple[Array, float, Array, Array]:  # fmt: skip
+) -> tuple[Any, float, Array, Any]:  # fmt: skip
     """Return stiffness, exponent, restitution and expected contact time of contacts."""
     (balls, contacts), n = bodies, len(speed)
     restitution = contacts.restitution * np.ones(n)
     for i in np.flatnonzero(ready & np.isnan(restitution)).tolist():
         contact = contacts[i % len(contacts)]
         restitution[i] = restitution_at(contact.restitution, float(speed[i]))
-    stiffness = options["stiffness"]
-    if stiffness is None:
-        time = np.full(n, options["contact_time"] or CONTACT_TIME)
-        return hertz_stiffness(time, mass, speed, restitution), HERTZ, restitution, time
-    exponent = LINEAR if stiffness == "pressure" else HERTZ
-    if stiffness == "pressure":
-        stiffness = np.array([ball.stiffness for ball in balls])
-    stiffness = stiffness * np.ones(n)
-    time = spring_time(stiffness, restitution, exponent, mass, speed)
-    return stiffness, exponent, restitution, time
+    given = options["contact_time"], options["stiffness"]
+    pressed = [ball.stiffness for ball in balls] if given[1] == "pressure" else [0.0]
+    k, exponent, time = chosen_spring(given, np.array(pressed), mass, speed, restitution)
+    return k, exponent, restitution, time

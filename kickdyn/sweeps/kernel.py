@@ -198,11 +198,11 @@ class Kernel:
             bodies, state = aligned_zeros((n,), BODY), aligned_zeros((1,), STATE)
             bodies["cosine"] = still
             inertia = aligned_zeros((n, n, BATCH))
-            motion = motion.reshape(*motion.shape[:2], -1, BATCH)
-            self._kernel(self._joints, motion, model.tree, task, bodies, inertia, state, answer)
+            given = motion.reshape(*motion.shape[:2], -1, BATCH)
+            self._kernel(self._joints, given, model.tree, task, bodies, inertia, state, answer)
             return answer.reshape(ROWS, -1)[:, :count]
         # the same functions on arrays of all postures
-        places, (state,) = blank_records(BODY, n, padded), blank_records(STATE, 1, padded)
+        places, (of_batch,) = blank_records(BODY, n, padded), blank_records(STATE, 1, padded)
         for body, fixed in zip(places, still, strict=True):
             body.cosine[:] = fixed
         for joint, row in zip(self._joints, motion, strict=True):
@@ -211,7 +211,7 @@ class Kernel:
         answer = answer.reshape(ROWS, 1, padded)
         with np.errstate(all="ignore"):  # of doubtful postures
             solve_postures(
-                tree, places, np.zeros((n, n, padded)), of_kick, state, state, answer, 0
+                tree, places, np.zeros((n, n, padded)), of_kick, of_batch, of_batch, answer, 0
             )  # fmt: skip
         return answer[:, 0, :count]
 

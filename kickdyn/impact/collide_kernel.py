@@ -473,7 +473,8 @@ class ContactKernel:
     @classmethod
     def of(cls, leg: Leg, torque: Any) -> Self | None:
         """Return the kernel of a leg, or None if there is none."""
-        if leg.nq != leg.nv or leg.compliant_drives:
+        turns = leg.base_velocity is not None and bool(leg.base_velocity[3:].any())
+        if leg.nq != leg.nv or leg.compliant_drives or turns:
             return None
         geometry = _geometry(leg)
         return None if geometry is None else cls(leg, geometry, torque)

@@ -204,6 +204,9 @@ def _collide(
 
     (q, v, velocity, spin), (balls, contacts), nv = motion, bodies, kernel.leg.nv
     n, senses = len(q), kernel.senses
+    # all is relative to the base, which does not turn
+    base = np.zeros(3) if kernel.leg.base_velocity is None else kernel.leg.base_velocity[:3]
+    velocity = velocity - base
     lanes, angles = _given(kernel, n, balls, contacts), (senses * q).T
     still, nothing = np.zeros((n, nv)), np.zeros((n, 3))
     columns = np.hstack([still, senses * v, nothing, velocity, spin, np.zeros((n, 2))]).T
@@ -231,10 +234,11 @@ def _collide(
     change, speeds, ball = column[:nv].T, column[nv : 2 * nv].T, column[2 * nv :]
     fallen = answer[1][:, None] * np.array(kernel.leg.model.gravity.linear)
     position = kernel.first_joint + (lanes.centre[:, exact] + ball[:3]).T
-    after = ball[3:6].T.copy()
+    position += answer[1][:, None] * base
+    after = ball[3:6].T
     put_rows(
         collisions, place,
-        (after - velocity[chosen] - fallen) / lanes.inverse_mass[exact][:, None], after,
+        (after - velocity[chosen] - fallen) / lanes.inverse_mass[exact][:, None], after + base,
         ball[6:9].T, position, q[chosen] + senses * change, senses * speeds, answer[1], answer[2],
         speed[chosen], ball[9], np.abs(answer[3]) / lanes.energy[exact],
         np.where(answer[0] == code.PARTED_STICKING, StrikeStatus.STICKS.flag,

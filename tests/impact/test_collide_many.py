@@ -26,9 +26,10 @@ def machine_code(monkeypatch):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_every_row_is_a_contact(seed):
-    """Hinges and slides, spring by time and by pressure, points that slip, stick and start to."""
+    """Hinges, slides and a base that moves, spring by time and by pressure, points that slip, stick and start to."""
     rng = np.random.default_rng(seed)
-    leg, n = {0: LEG, 3: rails("xyz")}.get(seed) or random_leg(rng), 20
+    moving = LEG.with_base_velocity((1.0, 0.5, -0.3))
+    leg, n = {0: moving, 3: rails("xyz")}.get(seed) or random_leg(rng), 20
     q, v, balls, contacts, motion = random_strikes(rng, leg, n, speed_table=seed == 1)
     if seed != 1:  # no spring has a restitution of 0
         contacts = [kd.Contact(c.normal, max(c.restitution, 0.1), c.friction, c.offset)

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from inspect import signature
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -211,9 +211,6 @@ class Collision(AfterApproach):
             f"the ball is flattened by {fraction:.2f} of its radius: its pressure gives the "
             f"stiffness within 10 % up to {PRESSURE_RANGE:g}",
         )
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Collision, (self.approach, self.tol, self._motion)
 
     @cached_property
     def error(self) -> float:

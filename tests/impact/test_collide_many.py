@@ -26,7 +26,7 @@ def machine_code(monkeypatch):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_every_row_is_a_contact(seed):
-    """Hinges, slides and a base that moves, spring by time and by pressure, points that slip, stick and start to."""
+    """Hinges and slides, a moving base, spring by time and by pressure, slip and stick."""
     rng = np.random.default_rng(seed)
     moving = LEG.with_base_velocity((1.0, 0.5, -0.3))
     leg, n = {0: moving, 3: rails("xyz")}.get(seed) or random_leg(rng), 20

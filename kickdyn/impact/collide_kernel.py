@@ -510,9 +510,7 @@ class ContactKernel:
 
     def motion(self, code: Any, equations: "CompliantContact") -> ContactMotion | None:
         """Return the motion of one contact with its steps; None if digits are lost."""
-        (lane,), nv = blank_records(LANE, 1, 1), self.leg.nv
-        for name in GIVEN:
-            getattr(lane, name)[:] = getattr(equations.lane, name)
+        lane, nv = equations.lane_of(None), self.leg.nv
         if lane.speed[0] < LEAST_SPEED or lane.expected[0] < LEAST_TIME:
             return None
         axes = equations.lane.axes.reshape(3, 3) @ self.foot_axes

@@ -167,12 +167,13 @@ class CompliantContact:
         sizes = [self.fast * time, self.fast, [speed * time] * 3, [speed] * 3, [lane.spin[0]] * 3]
         return np.concatenate([*sizes, [energy, energy]])
 
-    def lane_of(self, phase: Array) -> SimpleNamespace:
-        """Return a lane in a phase: its largest deflection, and kind and direction of friction."""
+    def lane_of(self, phase: Array | None) -> SimpleNamespace:
+        """Return a new lane in a phase, of `ContactMotion.phases`; in the first one for None."""
         (lane,) = blank_records(LANE, 1, 1)
         for name in GIVEN:
             getattr(lane, name)[:] = getattr(self.lane, name)
-        lane.largest[:], lane.kind[:], lane.along[:, 0] = phase[0], phase[1], phase[2:]
+        if phase is not None:
+            lane.largest[:], lane.kind[:], lane.along[:, 0] = phase[0], phase[1], phase[2:]
         return lane
 
     def state(self, y: Array) -> State:

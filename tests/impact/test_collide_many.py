@@ -60,6 +60,20 @@ def test_every_row_is_a_contact(seed):
     assert np.bincount(many.status, minlength=4)[1:3].min() > 2
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.4])
+def test_one_contact_in_machine_code_is_the_one_in_python(monkeypatch, friction):
+    """All that is read of it agrees to 1e-9, whatever the tolerance: they take the same steps."""
+    contact, times = kd.Contact((2, 0.3, 1), 0.8, friction), np.linspace(0.0, 0.009, 20)
+    kick = LEG.posture(Q[0]), V[0], kd.Ball(), contact
+    compiled = kd.collide(*kick, ball_spin=(5, 50, -9), torque=[20, -5, 3], tol=1e-6)
+    monkeypatch.setattr(COLLIDE, "pays", lambda _: False)
+    plain = kd.collide(*kick, ball_spin=(5, 50, -9), torque=[20, -5, 3], tol=1e-6)
+    for name in (*NAMES, "peak_force", "joint_impulses", "visible_contact_time"):
+        agrees(getattr(compiled, name), getattr(plain, name), 1e-9)
+    for one, other in zip(compiled.sample(times), plain.sample(times), strict=True):
+        agrees(one, other, 1e-9)
+
+
 def test_rows_without_machine_code():
     """A floating leg, an inflated ball, a foot that goes through a ball, and no row."""
     leg = floating_leg(np.random.default_rng(1))

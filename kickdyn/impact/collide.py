@@ -17,11 +17,7 @@ from kickdyn.core.representation import Row, warned
 from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, AfterApproach, Approach, find_approach
-from kickdyn.impact.compliant_contact import (
-    CompliantContact,
-    State,
-    Torque,
-)
+from kickdyn.impact.compliant_contact import CompliantContact, State, Torque
 from kickdyn.impact.force_model import (
     CONTACT_TIME,
     LINEAR,

@@ -21,11 +21,7 @@ from kickdyn.impact.collide import (
     takes_inflated_force,
 )
 from kickdyn.impact.contact_phases import LANE, set_lanes
-from kickdyn.impact.force_model import (
-    LONGEST_CONTACT,
-    ForceModel,
-    chosen_spring,
-)
+from kickdyn.impact.force_model import LONGEST_CONTACT, ForceModel, chosen_spring
 from kickdyn.impact.strike_kernel import FASTEST
 from kickdyn.impact.strike_many import (
     ContactRows,

@@ -17,13 +17,7 @@ from kickdyn.impact.approach import AfterApproach, Approach
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.force_model import LONGEST_CONTACT, SHORTEST_CONTACT
 from kickdyn.impact.laws import LAWS, names_of_laws
-from kickdyn.impact.leg_response import (
-    Footing,
-    LegResponse,
-    axis_projectors,
-    footing,
-    leg_response,
-)
+from kickdyn.impact.leg_response import Footing, LegResponse, axis_projectors, footing, leg_response
 from kickdyn.impact.sensitivity import Sensitivity
 from kickdyn.impact.uncertainty import (
     Nominal,

@@ -30,8 +30,7 @@ from scipy.linalg import lapack
 
 import kickdyn as kd
 from kickdyn.core.validation import Array
-from kickdyn.sweeps.carry_table import launches
-from kickdyn.sweeps.chunk_solver import ChunkSolver
+from kickdyn.sweeps.chunk_solver import ChunkSolver, launches
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel import DOUBT, MOBILITY, WORST, Kernel, KernelModel
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 import kickdyn as kd
-from kickdyn.impact.body import BallBody, Body, LegBody
-from kickdyn.impact.contact_problem import ContactPoint, ContactProblem
+from kickdyn.impact.contact_problem import BallBody, Body, ContactPoint, ContactProblem, LegBody
 from kickdyn.impact.laws import solve_paper
 from kickdyn.impact.newton_law import solve_newton
 from kickdyn.impact.stronge_law import solve_stronge

@@ -13,7 +13,7 @@ from scipy.integrate import quad
 from tolerances import agrees, closed_form, differenced
 
 import kickdyn as kd
-from kickdyn.impact.pinocchio_engine import strike_by_pinocchio
+from kickdyn.impact.strike import strike_by_pinocchio
 from kickdyn.restitution import (
     SHELL_RESTITUTION,
     approach_speed,

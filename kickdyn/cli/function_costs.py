@@ -25,18 +25,17 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import follow
 from kickdyn.flight.follow_many import follow_many
 from kickdyn.impact import strike_kernel
-from kickdyn.impact.collide import collide
-from kickdyn.impact.collide_many import COLLIDE, collide_many
+from kickdyn.impact.collide import COLLIDE, collide
+from kickdyn.impact.collide_many import collide_many
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.pinocchio_engine import contact_row, joined_state, with_ball
-from kickdyn.impact.strike import strike
+from kickdyn.impact.strike import contact_row, joined_state, strike, with_ball
 from kickdyn.impact.strike_many import strike_many
 from kickdyn.robot.leg import Leg
 from kickdyn.scene.scene import Compliance, Scene
 from kickdyn.scene.simulate import simulate
 from kickdyn.scene.simulate_many import simulate_many
 from kickdyn.sweeps import kernel as sweep_kernel
-from kickdyn.sweeps.carry_table import EVALUATE
+from kickdyn.sweeps.chunk_solver import EVALUATE
 from kickdyn.sweeps.sweep import sweep
 from kickdyn.sweeps.sweep_kick import Kick
 

@@ -31,9 +31,8 @@ from kickdyn.restitution import range_warnings, read_restitution
 from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.dataset import VARIABLES, select_variables
 from kickdyn.sweeps.grid import GIGABYTES, Grid, read_postures
-from kickdyn.sweeps.queries import blocks
+from kickdyn.sweeps.queries import NEEDED, Summary, blocks
 from kickdyn.sweeps.store import check_netcdf_name, save_netcdf
-from kickdyn.sweeps.summary import NEEDED, Summary
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE, Progress, sweep, sweep_chunks
 from kickdyn.sweeps.sweep_kick import Kick
 from kickdyn.sweeps.sweep_report import (
@@ -187,7 +186,7 @@ def posture_sweep(
     if output.prints:
         show(robot, kick, summary, lines)
     if output.plot is not None:  # the results are written: a picture that fails costs none of them
-        from kickdyn.sweeps.sweep_plot import sweep_figure
+        from kickdyn.sweeps.sweep_report import sweep_figure
 
         output.save_plot(partial(sweep_figure, summary, lines))
     pages: dict[str, Any] = {}

@@ -11,7 +11,7 @@ from kickdyn.cli.command import Command, busy, print_wrapped
 from kickdyn.cli.option_groups import JsonOptions, option, scene_argument, takes
 from kickdyn.core.files import replacing
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.collide import CONTACT_TIME
+from kickdyn.impact.force_model import CONTACT_TIME
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mjcf_file import MjcfFile, find_body
 from kickdyn.robot.names import unknown

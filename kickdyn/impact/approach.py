@@ -12,8 +12,13 @@ from kickdyn.core.mechanics import Triple, largest
 from kickdyn.core.representation import ReprMixin
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, NoImpact
-from kickdyn.impact.body import BallBody, LegBody
-from kickdyn.impact.contact_problem import NO_VELOCITY, ContactPoint, ContactProblem
+from kickdyn.impact.contact_problem import (
+    NO_VELOCITY,
+    BallBody,
+    ContactPoint,
+    ContactProblem,
+    LegBody,
+)
 from kickdyn.restitution import range_warnings, restitution_at
 from kickdyn.robot.leg import Posture
 

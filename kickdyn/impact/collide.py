@@ -3,34 +3,30 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from inspect import signature
 from typing import Literal, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
+from kickdyn.core.compilation import MachineCode, Source
 from kickdyn.core.representation import Row, warned
 from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, AfterApproach, Approach, find_approach
-from kickdyn.impact.compliant_contact import (
-    CompliantContact,
-    State,
-    Torque,
-)
+from kickdyn.impact.compliant_contact import CompliantContact, State, Torque
 from kickdyn.impact.force_model import (
-    HERTZ,
+    CONTACT_TIME,
     LINEAR,
     SHORTEST_CONTACT,
     ForceModel,
     InflatedForce,
     NormalForce,
     contact_stiffness,
-    contact_time_of,
+    spring_time,
 )
 from kickdyn.impact.integrate_contact import ContactMotion, integrate_contact
 from kickdyn.impact.leg_response import leg_response
@@ -43,16 +39,6 @@ PRESSURE_RANGE = 0.4
 
 STIFFNESSES = "pressure", "inflated"
 """Names that `collide` takes in place of a stiffness."""
-
-CONTACT_TIME = 0.010
-"""[s] for which the force acts. With it, the visible contact takes 12.9 ms at e = 0.7; 9 to 14 ms
-were seen in soccer, Australian football and rugby league (review in Ball, Ingleton, Peacock &
-Nunome, Ball impact dynamics in the punt kick, ISBS 2013)."""
-
-
-CREEP = 1e-3
-"""Speed of a joint at which the friction of its drive is 1/sqrt(2) of Coulomb's, relative to the
-speed that the energy of the approach would give it alone."""
 
 
 class ContactSample(NamedTuple):
@@ -81,7 +67,6 @@ class Collision(AfterApproach):
     approach: Approach
     tol: float
     _motion: ContactMotion = field(repr=False)
-    _again: "partial[Collision]" = field(repr=False)
 
     @cached_property
     def _end(self) -> State:
@@ -110,7 +95,7 @@ class Collision(AfterApproach):
 
         With a `FootPatch` it is that of a plane that presses out the same volume.
         """
-        return max(*(phase.largest for phase in self._motion.phases), self._left)
+        return max(float(self._motion.phases[:, 0].max()), self._left)
 
     @cached_property
     def flattening(self) -> float:
@@ -121,7 +106,7 @@ class Collision(AfterApproach):
         motion = self._motion
         if not isinstance(motion.equations, PatchContact):
             return self.deflection
-        return max(motion.equations.flattened(motion.column(t)) for t in motion.times)
+        return max(map(motion.equations.flattened, motion.columns))
 
     @property
     def _left(self) -> float:
@@ -177,7 +162,7 @@ class Collision(AfterApproach):
         """Energy not accounted for, relative to the kinetic energy of the approach."""
         motion, end = self._motion, self._end
         before = motion.equations.energy(motion.equations.start(), 0.0) + end.work
-        after = motion.equations.energy(motion.last, motion.phases[-1].largest) + end.lost
+        after = motion.equations.energy(motion.last, motion.phases[-1, 0]) + end.lost
         return abs(before - after) / self.approach.energy()
 
     @property
@@ -223,17 +208,14 @@ class Collision(AfterApproach):
             f"stiffness within 10 % up to {PRESSURE_RANGE:g}",
         )
 
-    def __reduce__(self) -> "tuple[partial[Collision], tuple[()]]":
-        """Pickle the arguments; unpickled, the collision runs again, to the same digits."""
-        return (partial(self._again, tol=self.tol), ())
-
     @cached_property
     def error(self) -> float:
         """Estimate of the numerical error of the impulse [N s], `tol` times the impulse or more.
 
         It is twice the change of the impulse when the tolerance is 100 times tighter.
         """
-        tighter = self._again(tol=max(self.tol * 1e-2, 1e-13))
+        equations = self._motion.equations.with_tolerance(max(self.tol * 1e-2, 1e-13))
+        tighter = Collision(self.approach, equations.tol, _motion_of(equations))
         size = math.hypot(*self.impulse)
         return max(2.0 * math.hypot(*(tighter.impulse - self.impulse)), max(self.tol, 1e-12) * size)
 
@@ -306,6 +288,11 @@ def collide(
     normal of the plane, and Coulomb's friction across it. For growing stiffness the result tends
     to the result of `strike` with the law `stronge`.
 
+    Fixed-base legs of hinges and slides with rigid drives, a spring and constant torques are
+    computed by the machine code of `collide_many` in about 2 ms, as soon as the calls of a process
+    have taken as long as it takes to load or compile it; others take some ten times as long. Both
+    ways take the same steps, and agree but for rounding.
+
     Args:
         posture: posture of the leg at first contact, whose contact frame touches the ball.
         v: joint velocity at first contact, shape `(nv,)` [rad/s; m/s for prismatic joints].
@@ -353,38 +340,58 @@ def collide(
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
     patch = _checked_patch(approach, model, contact_time, stiffness)
     force = _force_model(approach, contact_time, "pressure" if patch else stiffness)
-    driven = with_drives(approach, torque)
     expected = _expected_time(approach, force)
     if patch is None:
-        equations = CompliantContact(approach, force, driven, expected, tol)
+        equations = CompliantContact(approach, force, torque, expected, tol)
     else:
-        equations = PatchContact(approach, patch, driven, expected, tol)
-    again = partial(
-        collide, posture, approach.v, ball, contact, torque=torque,
-        stiffness=None if patch else _stiffness_of(force), model=patch or "point",
-        ball_velocity=approach.ball_before.velocity, ball_spin=approach.ball_before.spin,
-    )  # fmt: skip
+        equations = PatchContact(approach, patch, torque, expected, tol)
     try:
-        motion = integrate_contact(equations, tol)
+        motion = _motion_of(equations)
     except (KickdynError, ValueError):
         if isinstance(equations, PatchContact) and equations.lowest < 0.05 * ball.radius:
             raise _pressed_by(equations, ball) from None
         raise
-    collision = Collision(approach, tol, motion, again)
-    if isinstance(equations, PatchContact) and collision.flattening >= ball.radius * (1.0 - 1e-9):
+    collision = Collision(approach, tol, motion)
+    if collision.flattening < ball.radius * (1.0 - 1e-9):
+        return collision
+    if isinstance(equations, PatchContact):
         raise _pressed_by(equations, ball)
-    if collision.flattening >= ball.radius * (1.0 - 1e-9):
-        pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m"
-        if not isinstance(force, ForceModel) or force.exponent == LINEAR:
-            raise InvalidInput(
-                f"ball pressure is {ball.pressure:g} Pa: {pressed} at an approach speed of "
-                f"{approach.speed:.4g} m/s"
-            )
+    pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m"
+    if not isinstance(force, ForceModel) or force.exponent == LINEAR:
         raise InvalidInput(
-            f"stiffness is {force.stiffness:g} N/m^1.5: {pressed}; a shorter contact time makes it "
-            "stiffer"
+            f"ball pressure is {ball.pressure:g} Pa: {pressed} at an approach speed of "
+            f"{approach.speed:.4g} m/s"
         )
-    return collision
+    raise InvalidInput(
+        f"stiffness is {force.stiffness:g} N/m^1.5: {pressed}; a shorter contact time makes it "
+        "stiffer"
+    )
+
+
+SECONDS_OF_COLLIDE = 0.02
+"""Processor time of one `collide` in Python, roughly [s]."""
+
+
+def _source() -> Source:
+    from kickdyn.impact import collide_kernel  # imports numba
+
+    return collide_kernel.source()
+
+
+COLLIDE = MachineCode(_source, "the kernel of contacts that take time", 8.0)
+"""Contacts that take time in machine code, one or many."""
+
+
+def _motion_of(equations: CompliantContact) -> ContactMotion:
+    """Return the motion from first contact to separation: by machine code if it has it and pays."""
+    if equations.has_machine_code and COLLIDE.pays(SECONDS_OF_COLLIDE):
+        from kickdyn.impact.collide_kernel import ContactKernel
+
+        kernel = ContactKernel.of(equations.leg, equations.torque)
+        motion = None if kernel is None else kernel.motion(COLLIDE(), equations)
+        if motion is not None:
+            return motion
+    return integrate_contact(equations)
 
 
 def _pressed_by(equations: PatchContact, ball: Ball) -> InvalidInput:
@@ -398,45 +405,11 @@ def _pressed_by(equations: PatchContact, ball: Ball) -> InvalidInput:
     )
 
 
-def with_drives(approach: Approach, torque: Array | Torque) -> Array | Torque:
-    r"""Return joint torques with the drives', of stiffness k and friction f.
-
-    A drive adds :math:`k (q_0 + v_0 t - q) - f v / \sqrt{v^2 + c^2}`: position control whose
-    reference moves on with the velocity before the impact, and Coulomb's friction, made smooth over
-    a speed c, so that a joint at rest creeps. What the motor needs against
-    friction before the impact is part of the torque.
-    """
-    posture, v_before = approach.posture, approach.v
-    leg, model = posture.leg, posture.leg.workspace.model
-    if not leg.compliant_drives:
-        return torque
-    stiffness, friction = np.zeros(leg.nv), np.zeros(leg.nv)
-    for joint, drive in leg.compliant_drives.items():
-        index = leg.velocity_index(joint)
-        stiffness[index], friction[index] = drive.stiffness, drive.friction
-    creep = CREEP * np.sqrt(2.0 * approach.energy() / posture.inertia.diagonal())
-
-    def driven(t: float, q: Array, v: Array) -> Array:
-        applied = torque(t, q, v) if callable(torque) else torque
-        behind = v_before * t - pin.difference(model, posture.q, q)
-        applied = validation.vector("torque", applied, leg.nv, unit="N m")
-        return np.asarray(applied + stiffness * behind - friction * v / np.hypot(v, creep))
-
-    return driven
-
-
 def duration(
     approach: Approach, contact_time: float | None, stiffness: float | str | None
 ) -> float:
     """Return for how long the force of `collide` acts between the two masses alone [s]."""
     return _expected_time(approach, _force_model(approach, contact_time, stiffness))
-
-
-def _stiffness_of(model: NormalForce) -> float | Literal["pressure", "inflated"]:
-    """Return the stiffness, or the name of a force, as `collide` takes it."""
-    if not isinstance(model, ForceModel):
-        return "inflated"
-    return "pressure" if model.exponent == LINEAR else model.stiffness
 
 
 def _expected_time(approach: Approach, model: NormalForce) -> float:
@@ -446,7 +419,8 @@ def _expected_time(approach: Approach, model: NormalForce) -> float:
     """
     if not isinstance(model, ForceModel):
         model = ForceModel(approach.ball.stiffness, 1.0, LINEAR)
-    expected = contact_time_of(model, approach.reduced_mass(), approach.speed)
+    spring, speed = (model.stiffness, model.restitution, model.exponent), approach.speed
+    expected = float(spring_time(*spring, approach.reduced_mass(), speed))
     return validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
 
 
@@ -468,16 +442,15 @@ def _force_model(
     approach: Approach, contact_time: float | None, stiffness: float | str | None
 ) -> NormalForce:
     """Return the force model with the restitution of an approach."""
-    k, exponent = checked_stiffness(contact_time, stiffness), HERTZ
-    e = approach.restitution
-    if takes_inflated_force(approach.contact, contact_time, k):
+    given, e = checked_stiffness(contact_time, stiffness), approach.restitution
+    if takes_inflated_force(approach.contact, contact_time, given):
         return InflatedForce.of(approach.ball)
-    if isinstance(k, str):
-        k, exponent = approach.ball.stiffness, LINEAR
-    elif k is None:
+    if given is None:
         time = CONTACT_TIME if contact_time is None else contact_time
-        k = contact_stiffness(time, approach.reduced_mass(), approach.speed, e)
-    return ForceModel(k, e, exponent)
+        given = contact_stiffness(time, approach.reduced_mass(), approach.speed, e)
+    if isinstance(given, str):
+        return ForceModel(approach.ball.stiffness, e, LINEAR)
+    return ForceModel(given, e)
 
 
 def _checked_patch(

@@ -1,17 +1,17 @@
-"""Motion of leg and ball while they touch, with a compliant contact: equations and integration."""
+"""Equations of motion of leg and ball while they touch, for one contact of any leg and force."""
 
 import math
 from collections.abc import Callable
-from enum import Enum
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pinocchio as pin
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
+from kickdyn.core.lanes import blank_records
 from kickdyn.core.validation import Array, ArrayLike
-from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.contact_motion import (
     Vector,
@@ -19,13 +19,17 @@ from kickdyn.impact.contact_motion import (
     contact_motion,
     free_rise,
     free_sliding,
-    slides,
-    slip_direction,
-    slip_end,
-    slipping_force,
-    sticking_force,
 )
-from kickdyn.impact.force_model import Load, NormalForce
+from kickdyn.impact.contact_phases import (
+    GIVEN,
+    LANE,
+    STABILIZATION_RATE,
+    begin_phase,
+    friction_force,
+    put_forces,
+    set_lanes,
+)
+from kickdyn.impact.force_model import ForceModel, Load, NormalForce
 from kickdyn.robot.constraints import ConstraintProjector
 from kickdyn.robot.leg_model import Workspace
 from kickdyn.robot.model_validation import cholesky_with_condition
@@ -33,43 +37,9 @@ from kickdyn.robot.model_validation import cholesky_with_condition
 Torque = Callable[[float, Array, Array], ArrayLike]
 """Joint torques as a function of time since first contact, q and v."""
 
-STARTING = 1e-5
-"""Sliding speed, relative to the approach speed, up to which points that begin to slide count as
-`Friction.STARTS`: their direction of sliding changes faster than an explicit integrator follows."""
-
-RESTING = 10.0
-"""Sliding speed up to which points are at rest, relative to the approach speed times the tolerance
-of the integrator."""
-
-STABILIZATION_RATE = 10.0
-"""Rate at which errors of supports, loops and sticking decay, over the expected contact time."""
-
-MAX_EVALUATIONS = 60_000
-"""Evaluations of the equations of motion, each some 40 us; ordinary contacts take some hundreds."""
-
-
-class Friction(Enum):
-    """What Coulomb's friction does to the contact points.
-
-    In `SLIPS` they slide, and friction opposes the sliding. In `STICKS` friction stops them. In
-    `STARTS` they are about to slide: friction opposes the direction in which the sliding grows.
-    """
-
-    SLIPS, STICKS, STARTS = range(3)
-
-
-class Phase(NamedTuple):
-    """A part of the contact in which the forces are smooth.
-
-    Attributes:
-        largest: largest deflection so far, 0 while it grows [m].
-        friction: state of the friction.
-        along: direction of the sliding at the beginning of the phase, in the plane of the foot.
-    """
-
-    largest: float
-    friction: Friction
-    along: tuple[float, float]
+CREEP = 1e-3
+"""Speed of a joint at which the friction of its drive is 1/sqrt(2) of Coulomb's, relative to the
+speed that the energy of the approach would give it alone."""
 
 
 class State(NamedTuple):
@@ -94,54 +64,70 @@ class Kinematics(NamedTuple):
     relative: Vector  # velocity of the ball over that point [m/s]
 
 
-class Evaluation(NamedTuple):
-    """The equations of motion at one time.
-
-    Attributes:
-        rates: derivative of the column.
-        force: on the ball [N, world frame].
-        deflection: of ball and foot [m].
-        ends: values that are 0 where the phase ends, by the deflection and by the friction.
-        sliding: sliding velocity of the ball over the foot, in the contact's axes [m/s].
-    """
-
-    rates: Array
-    force: Array
-    deflection: float
-    ends: tuple[float, float]
-    sliding: tuple[float, float]
-
-
 class CompliantContact:
     """Leg and ball from first contact to separation, as a first-order system.
 
     Displacements and velocities of the ball are relative to the leg's base, which does not turn.
 
     A column y has the leg's displacement since first contact, in the tangent space, and what
-    `State` lists.
+    `State` lists. A lane has the constants of the contact, its phase and its last forces, see
+    `contact_phases.LANE`.
     """
 
     def __init__(
-        self,
-        approach: Approach,
-        force_model: NormalForce,
-        torque: Array | Torque,
-        expected: float,
-        tol: float,
-    ) -> None:
+        self, approach: Approach, force_model: NormalForce, torque: Array | Torque,
+        expected: float, tol: float,
+    ) -> None:  # fmt: skip
         posture, contact = approach.posture, approach.contact
-        self.approach, self.force_model, self.torque = approach, force_model, torque
+        self.approach, self.force_model, self._torque = approach, force_model, torque
         self.leg, self.q, self.ball = posture.leg, posture.q, approach.ball
+        self.torque = _with_drives(approach, torque)
         self.base_velocity = posture.transport_velocity
         self.model = self.leg.model  # with gravity, which the leg's workspace leaves out
         self._space = Workspace(self.model)
         self.gravity = np.array(self.model.gravity.linear)
-        self.evaluations, self.counts, self.expected = 0, True, expected
-        # sliding speed up to which points are at rest
-        self.resting = RESTING * tol * approach.speed
+        self.expected, self.tol, self.reduced_mass = expected, tol, approach.reduced_mass()
         self._set_axes(contact_axes(contact.normal))
         # where the ball's centre begins
         self._centre = posture.contact_point + self.ball.radius * contact.normal
+        self.lane = self._first_lane()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the arguments."""
+        return type(self), (*self._arguments(), self.tol)
+
+    def _arguments(self) -> tuple[Any, ...]:
+        return self.approach, self.force_model, self._torque, self.expected
+
+    def with_tolerance(self, tol: float) -> Self:
+        """Return the same equations for another tolerance."""
+        make, arguments = self.__reduce__()
+        equations: Self = make(*arguments[:-1], tol)
+        return equations
+
+    @property
+    def has_machine_code(self) -> bool:
+        """Whether a spring and constant torques act, of which there is machine code."""
+        return isinstance(self.force_model, ForceModel) and not callable(self.torque)
+
+    def _first_lane(self) -> SimpleNamespace:
+        """Return the lane at first contact."""
+        (lane,), ball, posture = blank_records(LANE, 1, 1), self.ball, self.approach.posture
+        frame = self.leg.workspace.model.jointPlacements[1].translation
+        lane.axes[:], lane.arm[:] = self._axes.T.reshape(9, 1), np.array([self._arm]).T
+        lane.centre[:] = (self._centre - frame)[:, None]
+        lane.inverse_mass[:], lane.inverse_inertia[:] = 1.0 / ball.mass, 1.0 / ball.inertia
+        lane.radius[:], lane.friction[:] = ball.radius, self.approach.contact.friction
+        force, y = self.force_model, self.start()
+        spring = (0.0, 1.0, self.approach.restitution, self.expected)
+        if isinstance(force, ForceModel):
+            spring = force.stiffness, force.exponent, force.restitution, self.expected
+        sliding = np.array(self.kinematics(self.state(y)).relative[:2])[:, None]
+        spin = float(np.abs(self.approach.ball_before.spin).max())
+        speed = self.approach.speed
+        set_lanes(lane, speed, self.reduced_mass, sliding, spring, spin, self.tol)
+        self.fast = np.sqrt(2.0 * lane.energy / posture.inertia.diagonal())
+        return lane
 
     def _set_axes(self, world_axes: Array) -> None:
         """Set the contact's axes, which turn with the foot, and what follows from them.
@@ -171,14 +157,24 @@ class CompliantContact:
         )
 
     def scales(self) -> Array:
-        """Return the scale of each entry of a column, for absolute tolerances."""
-        time, speed = self.expected, self.approach.speed
-        spin = float(np.abs(self.approach.ball_before.spin).max()) or speed / self.ball.radius
-        energy = self.approach.energy()
-        # of each joint as fast as that energy would make it alone: hinges and slides alike
-        fast = np.sqrt(2.0 * energy / self.approach.posture.inertia.diagonal())
-        sizes = [fast * time, fast, [speed * time] * 3, [speed] * 3, [spin] * 3]
+        """Return the scale of each entry of a column, for absolute tolerances.
+
+        That of a joint is the speed that the energy of the approach would give it alone: hinges
+        and slides alike.
+        """
+        time, speed, lane = self.expected, self.approach.speed, self.lane
+        energy = lane.energy[0]
+        sizes = [self.fast * time, self.fast, [speed * time] * 3, [speed] * 3, [lane.spin[0]] * 3]
         return np.concatenate([*sizes, [energy, energy]])
+
+    def lane_of(self, phase: Array | None) -> SimpleNamespace:
+        """Return a new lane in a phase, of `ContactMotion.phases`; in the first one for None."""
+        (lane,) = blank_records(LANE, 1, 1)
+        for name in GIVEN:
+            getattr(lane, name)[:] = getattr(self.lane, name)
+        if phase is not None:
+            lane.largest[:], lane.kind[:], lane.along[:, 0] = phase[0], phase[1], phase[2:]
+        return lane
 
     def state(self, y: Array) -> State:
         """Return a column unpacked."""
@@ -209,90 +205,65 @@ class CompliantContact:
         """Return the contact point, shape `(3,)` [m, axes of the contact joint]."""
         return np.asarray(self._axes @ self.kinematics(state).point)
 
-    def end_of(self, k: int, t: float, y: Array, phase: Phase) -> float:
-        """Return the value that is 0 where the deflection (0) or the friction (1) ends a phase."""
-        if k == 1 and phase.friction is not Friction.SLIPS:
-            return self.evaluate(t, y, phase).ends[1]
-        contact = self.kinematics(self.state(y))
-        return self.slip_end(contact, phase) if k == 1 else self.deflection_end(contact, phase)
-
-    def slip_end(self, contact: Kinematics, phase: Phase) -> float:
-        """Return the value that is 0 where points stop sliding in about their first direction."""
-        w1, w2, _ = contact.relative
-        return slip_end(phase.along, w1, w2, self.resting)
-
-    def time_left(self, y: Array, phase: Phase) -> float:
-        """Return for how long the force acts if the ball leaves at its present speed [s].
-
-        At the largest deflection, it is about half of the time in which two masses separate.
-        """
-        contact = self.kinematics(self.state(y))
-        leaving, deflection = contact.relative[2], self.deflection(contact)
-        if deflection < 0.99 * phase.largest and leaving > 0.0:
-            return (deflection - self.force_model.separation(phase.largest)) / leaving
-        e = self.approach.restitution
-        return 0.5 * self.expected * e / (1.0 + e)
-
     def deflection(self, contact: Kinematics) -> float:
         """Return the deflection of ball and foot together [m]."""
         return self.force_model.deflection(self.ball.radius - contact.height)
 
-    def deflection_end(self, contact: Kinematics, phase: Phase) -> float:
-        """Return the value that falls to 0 where the deflection ends a phase."""
-        if phase.largest == 0.0:  # it grows
-            return min(-contact.relative[2], contact.height)
-        deflection = self.deflection(contact)
-        apart = self.force_model.separation(phase.largest)
-        return min(deflection - apart, phase.largest - deflection)
+    def begin_phase(self, which: int) -> bool:
+        """Begin the phase after an end of one, or return whether foot and ball part."""
+        return bool(begin_phase(self.lane, 0, which))
 
-    def evaluate(self, t: float, y: Array, phase: Phase) -> Evaluation:
-        """Return the equations of motion at a time in a phase."""
-        self._count(t)
-        state, ball, nv = self.state(y), self.ball, self.leg.nv
+    def evaluate(self, t: float, y: Array, lane: Any) -> tuple[Array, Array]:
+        """Return the derivative of a column and the force on the ball; fill in the lane."""
+        state, ball = self.state(y), self.ball
         contact = self.kinematics(state)
-        height, (w1, w2, w3) = contact.height, contact.relative
-        load = self.force_model.load(ball.radius - height, -w3, phase.largest)
+        lane.height[0], lane.sliding[:, 0] = contact.height, contact.relative
+        largest = float(lane.largest[0])
+        load = self.force_model.load(ball.radius - contact.height, -contact.relative[2], largest)
         torque = self._torque_at(t, state)
         inertia, acting = self._acting(state, contact, torque)
         response = self._response(state, inertia, acting)
-        size, f1, f2, margin = self._force(contact, phase, load, acting, response)
+        size, f1, f2 = self._force(contact, lane, load, acting, response)
+        separation = self.force_model.separation(largest)
+        deflection = self.deflection(contact)
+        put_forces(lane, 0, (f1, f2, size), load.lost, deflection, separation)
         acceleration = response.dot((-f1, -f2, -size, 1.0))
-        on_ball, turning = contact.axes.dot(((f1, height * f2), (f2, -height * f1), (size, 0.0))).T
+        pushed = None
+        if self.leg.constraints is not None:
+            pushed = inertia.dot(acceleration) - acting.dot((-f1, -f2, -size, 1.0))
+        height = contact.height
+        forces = contact.axes.dot(((f1, height * f2), (f2, -height * f1), (size, 0.0))).T
+        lost = float(lane.lost[0])
+        return self._rates(state, acceleration, forces, lost, (torque, pushed)), forces[0]
+
+    def _rates(
+        self, state: State, acceleration: Array, forces: Array, lost: float,
+        pushed: tuple[Array, Array | None],
+    ) -> Array:  # fmt: skip
+        """Return the derivative of a column.
+
+        Args:
+            state: the column.
+            acceleration: of the joints.
+            forces: force and torque on the ball, shape `(2, 3)` [N, N m].
+            lost: power lost [W].
+            pushed: torques of the joints, and of constraints, if there are any.
+        """
+        ball, nv, (torque, constrained) = self.ball, self.leg.nv, pushed
         power = float(torque.dot(state.v))
         if ball.inertia == math.inf:  # a particle, whose spin stays
-            power -= float(turning.dot(state.motion[1]))
-        if self.leg.constraints is not None:
-            pushed = acting.dot((-f1, -f2, -size, 1.0))
-            power += float(state.v.dot(inertia.dot(acceleration) - pushed))
-        displacement_rate = state.v
+            power -= float(forces[1].dot(state.motion[1]))
+        if constrained is not None:
+            power += float(state.v.dot(constrained))
+        rates = np.empty(2 * nv + 11)
+        rates[:nv], rates[nv : 2 * nv] = state.v, acceleration
         if self.leg.nq != nv:  # of the displacement in the tangent space at q
             slope = pin.dDifference(self.model, self.q, state.q, pin.ArgumentPosition.ARG1)
-            displacement_rate = slope @ state.v
-        rates = np.empty(2 * nv + 11)
-        rates[:nv], rates[nv : 2 * nv] = displacement_rate, acceleration
+            rates[:nv] = slope @ state.v
         of_ball = rates[2 * nv :]
-        of_ball[:3], of_ball[3:6] = state.motion[0], on_ball / ball.mass + self.gravity
-        of_ball[6:9] = turning / ball.inertia
-        of_ball[9], of_ball[10] = load.lost - f1 * w1 - f2 * w2, power
-        end = self.deflection_end(contact, phase)
-        return Evaluation(rates, on_ball, self.deflection(contact), (end, margin), (w1, w2))
-
-    def _count(self, t: float) -> None:
-        """Count an evaluation of the integration; raise `KickdynError` where it makes no sense."""
-        if not self.counts:  # samples of a motion that is known
-            return
-        self.evaluations += 1
-        if not math.isfinite(t):
-            raise KickdynError(
-                "the integration exceeded double precision: torques, speeds or lengths are too "
-                "large"
-            )
-        if self.evaluations > MAX_EVALUATIONS:
-            raise KickdynError(
-                f"the contact has not ended after {MAX_EVALUATIONS} evaluations, at {t:g} of "
-                f"about {self.expected:g} s: the equations of motion are too stiff (friction "
-                f"{self.approach.contact.friction:g}, a light foot or a ball of small inertia)"
-            )
+        of_ball[:3], of_ball[3:6] = state.motion[0], forces[0] / ball.mass + self.gravity
+        of_ball[6:9], of_ball[9], of_ball[10] = forces[1] / ball.inertia, lost, power
+        return rates
 
     def _torque_at(self, t: float, state: State) -> Array:
         """Return the torques of the joints, shape `(nv,)` [N m; N for prismatic joints]."""
@@ -342,87 +313,47 @@ class CompliantContact:
         return np.asarray(blas.dtrsm(1.0, factor, allowed, lower=1, trans_a=1))
 
     def _force(
-        self, contact: Kinematics, phase: Phase, load: Load, acting: Array, response: Array
-    ) -> tuple[float, float, float, float]:
-        r"""Return normal force and friction on the ball [N], and what falls to 0 as `_friction`.
+        self, contact: Kinematics, lane: Any, load: Load, acting: Array, response: Array
+    ) -> tuple[float, float, float]:
+        r"""Return normal force and friction on the ball [N].
 
         The force p follows from the law, and the inertia of the mass c that the foot carries:
         :math:`p = p_0 + c\,(a_f - g_n)`, with :math:`p / m + g_n - a_f = \ddot h`. It is linear
         in p where points slide or stick, so that the secant through two values meets it.
         """
-        size = load.force
-        if load.carried == 0.0:
-            return size, *self._friction(contact, phase, size, acting, response)
         ball, ball_spin, _, spin = contact.motion
-        g1, g2, g3, pushed = acting[:, 2].dot(response).tolist()
-        rise = free_rise(
+        moving = (
             contact.height, contact.point, contact.relative, ball, ball_spin, spin, *contact.bias,
             self.gravity.dot(contact.axes).tolist(),
         )  # fmt: skip
-        size = (size + load.carried * (pushed - rise)) / (1.0 + load.carried * g3)
-        f1, f2, margin = self._friction(contact, phase, size, acting, response)
-        share, free, before, missing = load.carried / (1.0 + load.carried * g3), size, 0.0, size
+        (g11, g12, g13, a1), (_, g22, g23, a2), (*_, g33, pushed) = (
+            acting[:, :3].T.dot(response).tolist()
+        )
+        turning = 1.0 / self.ball.mass + contact.height**2 / self.ball.inertia
+        mobility, (b1, b2) = (g11 + turning, g12, g22 + turning), free_sliding(*moving)
+
+        def friction(size: float) -> tuple[float, float]:
+            free = b1 + g13 * size - a1, b2 + g23 * size - a2
+            f1, f2 = friction_force(lane, 0, size, mobility, free)
+            return float(f1), float(f2)
+
+        size = load.force
+        if load.carried == 0.0:
+            return size, *friction(size)
+        carried = load.carried
+        size = (size + carried * (pushed - free_rise(*moving))) / (1.0 + carried * g33)
+        f1, f2 = friction(size)
+        share, free, before, missing = carried / (1.0 + carried * g33), size, 0.0, size
         for _ in range(20):
-            error = free - share * (g1 * f1 + g2 * f2) - size
+            error = free - share * (g13 * f1 + g23 * f2) - size
             if abs(error) <= 1e-15 * free:
                 break
             step = error
             if before and missing != error:
                 step = error * before / (missing - error)
             before, missing, size = step, error, size + step
-            f1, f2, margin = self._friction(contact, phase, size, acting, response)
-        return size, f1, f2, margin
-
-    def _friction(
-        self, contact: Kinematics, phase: Phase, size: float, acting: Array, response: Array
-    ) -> tuple[float, float, float]:
-        """Return Coulomb's friction on the ball [N], and a value that is 0 as its kind changes."""
-        largest = self.approach.contact.friction * size
-        if self.approach.contact.friction == 0.0:
-            return 0.0, 0.0, math.inf
-        w1, w2, _ = contact.relative
-        if phase.friction is Friction.SLIPS:
-            return *slipping_force(largest, phase.along, w1, w2), self.slip_end(contact, phase)
-        turning = 1.0 / self.ball.mass + contact.height**2 / self.ball.inertia
-        give = acting[:, :2].T.dot(response)
-        gravity = self.gravity.dot(contact.axes).tolist()
-        ball, ball_spin, _, spin = contact.motion
-        b1, b2 = free_sliding(
-            contact.height, contact.point, contact.relative, ball, ball_spin, spin, *contact.bias,
-            gravity,
-        )  # fmt: skip
-        (g11, g12, g13, a1), (_, g22, g23, a2) = give.tolist()
-        mobility = g11 + turning, g12, g22 + turning
-        free = b1 + g13 * size - a1, b2 + g23 * size - a2
-        s1, s2 = sticking_force(mobility, free, STABILIZATION_RATE / self.expected, w1, w2)
-        reserve = largest - math.hypot(s1, s2)
-        if phase.friction is Friction.STICKS:
-            return s1, s2, reserve
-        slowest = STARTING * self.approach.speed + 3.0 * self.resting
-        margin = min(slowest - math.hypot(w1, w2), -reserve)
-        g11, g12, g22 = mobility
-        d1, d2, _ = slip_direction(largest * g11, largest * g12, largest * g22, *free)
-        return largest * d1, largest * d2, margin
-
-    def first_phase(self) -> Phase:
-        """Return the phase in which the contact begins."""
-        return self._phase_at(0.0, self.start(), 0.0, None)
-
-    def next_phase(self, t: float, y: Array, phase: Phase) -> Phase:
-        """Return the phase that follows at a time where the friction of a phase ends."""
-        return self._phase_at(t, y, phase.largest, phase.friction)
-
-    def _phase_at(self, t: float, y: Array, largest: float, ended: Friction | None) -> Phase:
-        """Return the phase after the end of one, or after none."""
-        at_rest = Phase(largest, Friction.STICKS, (0.0, 0.0))
-        evaluation = self.evaluate(t, y, at_rest)
-        (w1, w2), (_, reserve) = evaluation.sliding, evaluation.ends
-        speed = math.hypot(w1, w2)
-        moves = slides(speed, self.resting, ended is Friction.SLIPS, reserve)
-        if ended is not Friction.STICKS and moves:
-            return Phase(largest, Friction.SLIPS, (w1 / speed, w2 / speed))
-        starts = ended is Friction.STICKS or (ended is not Friction.STARTS and reserve < 0.0)
-        return at_rest._replace(friction=Friction.STARTS) if starts else at_rest
+            f1, f2 = friction(size)
+        return size, f1, f2
 
     def impulse(self, t: float, y: Array) -> Array:
         """Return the contact's impulse on the ball until t: its momentum, less gravity's share."""
@@ -448,3 +379,30 @@ class CompliantContact:
         moving = 0.5 * float(ball.mass * speed @ speed + turning * spin @ spin)
         height = -ball.mass * float(self.gravity @ state.moved)
         return leg + moving + height
+
+
+def _with_drives(approach: Approach, torque: Array | Torque) -> Array | Torque:
+    r"""Return joint torques with the drives', of stiffness k and friction f.
+
+    A drive adds :math:`k (q_0 + v_0 t - q) - f v / \sqrt{v^2 + c^2}`: position control whose
+    reference moves on with the velocity before the impact, and Coulomb's friction, made smooth over
+    a speed c, so that a joint at rest creeps. What the motor needs against
+    friction before the impact is part of the torque.
+    """
+    posture, v_before = approach.posture, approach.v
+    leg, model = posture.leg, posture.leg.workspace.model
+    if not leg.compliant_drives:
+        return torque
+    stiffness, friction = np.zeros(leg.nv), np.zeros(leg.nv)
+    for joint, drive in leg.compliant_drives.items():
+        index = leg.velocity_index(joint)
+        stiffness[index], friction[index] = drive.stiffness, drive.friction
+    creep = CREEP * np.sqrt(2.0 * approach.energy() / posture.inertia.diagonal())
+
+    def driven(t: float, q: Array, v: Array) -> Array:
+        applied = torque(t, q, v) if callable(torque) else torque
+        behind = v_before * t - pin.difference(model, posture.q, q)
+        applied = validation.vector("torque", applied, leg.nv, unit="N m")
+        return np.asarray(applied + stiffness * behind - friction * v / np.hypot(v, creep))
+
+    return driven

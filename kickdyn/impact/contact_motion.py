@@ -1,4 +1,6 @@
-r"""Relative motion of ball and foot at their contact, with floats alone: it can be compiled.
+r"""Relative motion of ball and foot at their contact, and friction, with floats alone.
+
+A single contact runs these functions as they are, machine code for each lane of a batch.
 
 All vectors are tuples in the contact's axes, which are fixed to the foot: two tangents of its plane
 and the normal :math:`n = e_3` into the ball. The foot turns with :math:`\omega` about the origin of
@@ -10,6 +12,7 @@ import math
 
 import numpy as np
 
+from kickdyn.core.lanes import inlined, jitable
 from kickdyn.core.validation import Array
 from kickdyn.impact.contact_problem import tangents
 
@@ -28,6 +31,7 @@ def contact_axes(normal: Array, sliding: Array | None = None) -> Array:
     return np.column_stack([first, second, normal])
 
 
+@inlined
 def contact_motion(
     reach: Vector, arm: Vector, ball: Vector, ball_spin: Vector, foot: Vector, spin: Vector
 ) -> tuple[Vector, Vector]:
@@ -54,6 +58,7 @@ def contact_motion(
     return (x, y, z), relative
 
 
+@inlined
 def free_sliding(
     height: float, point: Vector, relative: Vector, ball: Vector, ball_spin: Vector,
     spin: Vector, bias: Vector, turn_bias: Vector, gravity: Vector,
@@ -108,6 +113,7 @@ def free_rise(
     return gravity[2] - bias[2] - (turn_bias[0] * y - turn_bias[1] * x) - (a * v - b * u)
 
 
+@inlined
 def slipping_force(
     largest: float, along: tuple[float, float], w1: float, w2: float
 ) -> tuple[float, float]:
@@ -124,12 +130,14 @@ def slipping_force(
     return -share * w1, -share * w2
 
 
+@inlined
 def slip_end(along: tuple[float, float], w1: float, w2: float, resting: float) -> float:
     """Return the value that is 0 where points stop sliding in about their first direction."""
     forward = along[0] * w1 + along[1] * w2
     return forward - max(resting, 0.5 * math.sqrt(w1 * w1 + w2 * w2))
 
 
+@inlined
 def slides(speed: float, resting: float, turned: bool, left: float) -> bool:
     """Return whether points slide at the beginning of a phase.
 
@@ -142,6 +150,7 @@ def slides(speed: float, resting: float, turned: bool, left: float) -> bool:
     return speed > (TURNING_RATIO if turned and left > 0.0 else 2.0) * resting
 
 
+@inlined
 def sticking_force(
     mobility: Vector, free: tuple[float, float], rate: float, w1: float, w2: float
 ) -> tuple[float, float]:
@@ -160,6 +169,7 @@ def sticking_force(
     return (g12 * r2 - g22 * r1) / determinant, (g12 * r1 - g11 * r2) / determinant
 
 
+@jitable
 def slip_direction(a11: float, a12: float, a22: float, g1: float, g2: float) -> Vector:
     r"""Return the unit vector d of the friction on points that begin to slip, and their gain k.
 

@@ -17,16 +17,16 @@ from kickdyn.impact.approach import AfterApproach, Approach
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.force_model import LONGEST_CONTACT, SHORTEST_CONTACT
 from kickdyn.impact.laws import LAWS, names_of_laws
-from kickdyn.impact.leg_response import (
-    Footing,
-    LegResponse,
-    axis_projectors,
-    footing,
-    leg_response,
-)
-from kickdyn.impact.rounding import Rounding, digits_left, estimate_rounding
+from kickdyn.impact.leg_response import Footing, LegResponse, axis_projectors, footing, leg_response
 from kickdyn.impact.sensitivity import Sensitivity
-from kickdyn.impact.uncertainty import Nominal, Uncertainty, uncertainty
+from kickdyn.impact.uncertainty import (
+    Nominal,
+    Rounding,
+    Uncertainty,
+    digits_left,
+    estimate_rounding,
+    uncertainty,
+)
 from kickdyn.robot.constraints import ConstraintBlock, Support
 
 RESIDUAL_ROUNDING = 1e-14

@@ -1,37 +1,20 @@
-"""Integration of leg and ball while they touch: phases of smooth forces, and where they end."""
+"""Integration of leg and ball while they touch, and what happens between its steps."""
 
 import math
 from bisect import bisect_right
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.integrate import DOP853, OdeSolution
-from scipy.optimize import brentq, minimize_scalar
+from scipy.integrate import DOP853
+from scipy.optimize import minimize_scalar
 
-from kickdyn.core.dop853 import EVENT_MARGIN, keep_stages
+from kickdyn.core.dop853 import STAGES
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.impact.compliant_contact import CompliantContact, Evaluation, Phase
-
-MAX_CONTACT_TIMES = 50.0
-"""Expected contact times after which foot and ball count as not separating."""
-
-MAX_PHASES = 500
-"""Phases after which the motion counts as one that does not end."""
-
-FIRST_STEP = 3.0
-"""First step over the expected contact time, per tolerance of the integrator to the power 2/7: the
-error that a step leaves where the force begins as the deflection to the power 3/2."""
-
-LOOSE = 1e-5
-"""Tolerance from which interpolants are exact enough in the whole step: the launch of 98 % of 200
-random kicks is within 10 times the tolerance either way, and this takes a third fewer
-evaluations."""
-
-BEYOND_SEPARATION = 1.02
-"""Longest step over the time to separation at the present speed: the force ends there at once."""
+from kickdyn.impact import contact_phases as phases
+from kickdyn.impact.compliant_contact import CompliantContact
+from kickdyn.impact.contact_phases import AGAIN, AT_BEGINNING, FAILED, TAKEN, THROUGH
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,31 +23,47 @@ class ContactMotion:
 
     Attributes:
         equations: the equations of motion.
-        times: of the integrator's steps, shape `(n,)` [s].
-        last: column at separation.
-        begins: times at which the phases begin [s].
-        phases: the phases.
+        times: of the integrator's steps and of separation, shape `(n + 1,)` [s].
+        columns: columns of the integrator at these times, shape `(n + 1, dim)`.
+        phases: of each step, largest deflection so far [m], kind of friction, and direction of the
+            sliding as the phase began, shape `(n, 4)`.
         evaluations: number of evaluations of the equations that the integration took.
     """
 
     equations: CompliantContact
     times: Array
-    last: Array
-    begins: list[float]
-    phases: list[Phase]
+    columns: Array
+    phases: Array
     evaluations: int
-    _steps: list[DOP853]
 
-    @cached_property
-    def column(self) -> OdeSolution:
-        """Column of the integrator at a time; its interpolants take a quarter more evaluations."""
-        return OdeSolution(self.times, [solver.dense_output() for solver in self._steps])
+    @property
+    def last(self) -> Array:
+        """Column at separation."""
+        return np.asarray(self.columns[-1])
+
+    @property
+    def sticks(self) -> bool:
+        """Whether the points stick at separation."""
+        return bool(self.phases[-1, 1] == phases.STICKS and self.equations.lane.friction[0] > 0.0)
+
+    def column(self, t: float) -> Array:
+        """Return the column at a time: a step of the integrator from the last one before."""
+        k = self._step_at(t)
+        if t in (self.times[k], self.times[k + 1]):
+            return np.asarray(self.columns[k if t == self.times[k] else k + 1])
+        lane, y, h = self.equations.lane_of(self.phases[k]), self.columns[k], t - self.times[k]
+        rates = np.empty((STAGES, len(y)))
+        return _stages(self.equations, lane, (float(self.times[k]), y, h), rates)
 
     def sample(self, t: float) -> tuple[Array, Array, float]:
         """Return force [N] and impulse so far [N s] on the ball, and deflection [m] at a time."""
-        equations, y = self.equations, self.column(t)
-        now = equations.evaluate(t, y, self.phases[bisect_right(self.begins, t) - 1])
-        return now.force, equations.impulse(t, y), now.deflection
+        y, lane = self.column(t), self.equations.lane_of(self.phases[self._step_at(t)])
+        with np.errstate(all="ignore"):  # as the contact begins
+            _, force = self.equations.evaluate(t, y, lane)
+        return force, self.equations.impulse(t, y), float(lane.deflection[0])
+
+    def _step_at(self, t: float) -> int:
+        return min(max(bisect_right(self.times, t) - 1, 0), len(self.phases) - 1)
 
     def peak_force(self) -> float:
         """Return the largest force [N]: the largest of the steps, refined."""
@@ -83,135 +82,90 @@ class ContactMotion:
         return max(-float(refined.fun), values[best])
 
 
-def integrate_contact(equations: CompliantContact, tol: float) -> ContactMotion:
+def _stages(
+    equations: CompliantContact, lane: Any, begin: tuple[float, Array, float], rates: Array,
+    first: int = 0,
+) -> Array:  # fmt: skip
+    """Fill in the rates of a step from stage `first` on; return its last column.
+
+    `begin` has time, column and length of the step.
+    """
+    t, y, h = begin
+    new = y
+    for k in range(first, STAGES):
+        new = y + h * DOP853.A[k, :k].dot(rates[:k]) if k else y
+        rates[k] = equations.evaluate(t + DOP853.C[k] * h, new, lane)[0]
+    return np.asarray(y + h * DOP853.B.dot(rates[:STAGES]))
+
+
+def integrate_contact(equations: CompliantContact) -> ContactMotion:
     """Return the motion from first contact to separation, or raise `KickdynError`.
 
-    The forces are smooth in every phase: one ends where compression does, where the deflection
-    outgrows the largest one before, and where the friction changes its kind.
+    It ends, too, where the foot reaches the centre of the ball.
     """
-    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is reported
-        return _Contact(equations, tol).run()
+    with np.errstate(all="ignore"):  # what is not finite is reported
+        return _integrate(equations)
 
 
-class _Contact:
-    """The integration of a contact by scipy's DOP853, phase after phase."""
+def _integrate(equations: CompliantContact) -> ContactMotion:
+    """Integrate by DOP853 with its error estimate, step by step as `collide_kernel`."""
+    lane, y, rtol = equations.lane, equations.start(), max(equations.tol, 3e-14)
+    rates, precision = np.empty((STAGES + 1, len(y))), phases.event_precision(rtol)
+    atol, begins, columns, kinds = rtol * equations.scales(), [0.0], [y], []
+    is_new, outcome = True, TAKEN
+    while True:
+        t = begins[-1]
+        if is_new:
+            rates[0] = equations.evaluate(t, y, lane)[0]
+            is_new = False
+        if outcome != AGAIN:
+            phases.limit_step(lane, 0)
+        h = float(lane.step[0])
+        new = _stages(equations, lane, (t, y, h), rates, 1)
+        rates[STAGES] = equations.evaluate(t + h, new, lane)[0]
+        per = 1.0 / (atol + rtol * np.maximum(np.abs(y), np.abs(new)))
+        five, three = (float(np.square(e.dot(rates) * per).sum()) for e in (DOP853.E5, DOP853.E3))
+        size = (five + 0.01 * three) * len(y)
+        error = h * five / math.sqrt(size) if size != 0.0 else 0.0
+        phase = lane.largest[0], lane.kind[0], *lane.along[:, 0]
+        outcome = phases.finish_step(lane, 0, error, precision)
+        if outcome == FAILED:
+            raise KickdynError(_failure(equations, error))
+        if outcome in (TAKEN, THROUGH) or 0 <= outcome < AT_BEGINNING:
+            begins.append(t + h)
+            columns.append(new)
+            kinds.append(phase)
+            y, rates[0] = new, rates[STAGES]
+        is_new = outcome >= 0
+        parted = is_new and equations.begin_phase(outcome % AT_BEGINNING)
+        if parted:  # nothing but gravity acts since then
+            late = float(lane.ends[0, 0] / lane.sliding[2, 0])
+            begins[-1], columns[-1] = begins[-1] + late, y + late * rates[STAGES]
+        if parted or outcome == THROUGH:
+            evaluations = int(lane.calls[0])
+            times, steps = np.array(begins), np.array(kinds)
+            return ContactMotion(equations, times, np.array(columns), steps, evaluations)
 
-    def __init__(self, equations: CompliantContact, tol: float) -> None:
-        self._equations, self._tol = equations, tol
-        self._atol = tol * equations.scales()
-        self._limit = MAX_CONTACT_TIMES * equations.expected
-        self._steps: list[tuple[float, DOP853]] = []
-        self._last: Evaluation
 
-    def run(self) -> ContactMotion:
-        """Integrate until foot and ball separate."""
-        equations, t, y = self._equations, 0.0, self._equations.start()
-        phase = equations.first_phase()
-        begins: list[float] = []
-        phases: list[Phase] = []
-        length = None
-        while len(phases) < MAX_PHASES:
-            begins.append(t)
-            phases.append(phase)
-            t, y, event, length = self._run_phase(t, y, phase, length)
-            if event == 1:
-                phase = equations.next_phase(t, y, phase)
-                continue
-            deflection = equations.deflection(equations.kinematics(equations.state(y)))
-            separation = equations.force_model.separation(phase.largest)
-            apart = deflection - separation < phase.largest - deflection
-            if (phase.largest > 0.0 and apart) or deflection >= equations.ball.radius * (
-                1.0 - 1e-9
-            ):
-                times = np.array([*(begin for begin, _ in self._steps), t])
-                steps, count = [solver for _, solver in self._steps], equations.evaluations
-                equations.counts = False
-                return ContactMotion(equations, times, y, begins, phases, count, steps)
-            phase = phase._replace(largest=0.0 if phase.largest else deflection)
-        raise KickdynError(
-            f"the integrator failed at {t:g} s: at an approach speed of "
-            f"{equations.approach.speed:.3g} m/s gravity or a torque, not the impact, decides the "
-            "motion"
+def _failure(equations: CompliantContact, error: float) -> str:
+    """Return why an integration failed."""
+    lane, expected = equations.lane, equations.expected
+    t, speed = float(lane.time[0]), equations.approach.speed
+    if not math.isfinite(error):
+        return "the integration exceeded double precision: torques, speeds or lengths are too large"
+    if lane.calls[0] > phases.MAX_EVALUATIONS:
+        return (
+            f"the contact has not ended after {phases.MAX_EVALUATIONS} evaluations, at {t:g} of "
+            f"about {expected:g} s: the equations of motion are too stiff (friction "
+            f"{equations.approach.contact.friction:g}, a light foot or a ball of small inertia)"
         )
-
-    def _run_phase(
-        self, begin: float, state: Array, phase: Phase, length: float | None
-    ) -> tuple[float, Array, int, float]:
-        """Integrate to the end of a phase, with a length of the first step if one is known.
-
-        Return its time and column, whether the deflection (0) or the friction (1) ends it, and the
-        length of the last whole step. To a tight tolerance, a step that an end falls into is taken
-        anew so that it ends just after it, because interpolants are far more exact there.
-        """
-        solver = self._solver(begin, state, phase, length)
-        while True:
-            start, before = float(solver.t), solver.y
-            if phase.largest:
-                left = self._equations.time_left(before, phase)
-                solver.h_abs = min(solver.h_abs, max(BEYOND_SEPARATION * left, 1e-9 * self._limit))
-            self._step(solver)
-            t, h = float(solver.t), float(solver.t) - start
-            falls = [k for k in range(2) if self._last.ends[k] <= 0.0]
-            kept = keep_stages(solver)
-            if not falls:
-                self._steps.append((start, kept))
-                length = h
-                continue
-            length, states = max(length or 0.0, h), solver.dense_output()
-            about, event = min((self._root(states, phase, k, start, t, 1e-3 * h), k) for k in falls)
-            if about == start:
-                return start, before, event, length
-            if self._tol < LOOSE and about < t - EVENT_MARGIN * h:
-                shorter = (1.0 + 0.5 * EVENT_MARGIN) * max(about - start, 1e-9 * h)
-                solver = self._solver(start, before, phase, shorter)
-                continue
-            end = self._root(states, phase, event, start, t, 1e-13 * h)
-            self._steps.append((start, kept))
-            return end, states(end), event, length
-
-    def _root(
-        self, states: Any, phase: Phase, k: int, start: float, end: float, precision: float
-    ) -> float:
-        """Return the time at which deflection (0) or friction (1) ends a phase within a step [s].
-
-        It is the beginning of the step only where the phase has ended there.
-        """
-
-        def value(time: float) -> float:
-            return self._equations.end_of(k, time, states(time), phase)
-
-        # at the beginning of a phase its value may be 0, but for rounding
-        for share in (1.0 - 2.0 * EVENT_MARGIN, 0.0, 1e-6):
-            low = start + share * (end - start)
-            if value(low) > 0.0:
-                root = float(brentq(value, low, end, xtol=precision))
-                return max(root, start + 1e-9 * (end - start))  # after the beginning
-        return start
-
-    def _step(self, solver: DOP853) -> None:
-        """Take a step; raise `KickdynError` where there is none."""
-        start = float(solver.t)
-        message = solver.step()
-        if solver.status == "finished":
-            raise KickdynError(
-                f"foot and ball are still in contact after {self._limit:g} s, "
-                f"{MAX_CONTACT_TIMES:g} times the time that the two alone would take"
-            )
-        if message or not np.isfinite(solver.y).all():
-            raise KickdynError(f"the integrator failed at {start:g} s: {message or 'overflow'}")
-
-    def _solver(self, begin: float, state: Array, phase: Phase, length: float | None) -> DOP853:
-        """Return a solver for the equations of a phase."""
-
-        def rates(t: float, y: Array) -> Array:
-            self._last = self._equations.evaluate(t, y, phase)
-            return self._last.rates
-
-        if length is not None:
-            length = min(max(length, 10.0 * math.ulp(begin)), self._limit - begin)
-        solver = DOP853(rates, begin, state, self._limit, rtol=max(self._tol, 3e-14),
-                        atol=self._atol, first_step=length)  # fmt: skip
-        if length is None:
-            first = self._equations.expected * min(FIRST_STEP * self._tol ** (2 / 7), 0.3)
-            solver.h_abs = min(solver.h_abs, first)
-        return solver
+    limit = phases.MAX_CONTACT_TIMES * expected
+    if t > limit:
+        return (
+            f"foot and ball are still in contact after {limit:g} s, {phases.MAX_CONTACT_TIMES:g} "
+            "times the time that the two alone would take"
+        )
+    return (
+        f"the integrator failed at {t:g} s: at an approach speed of {speed:.3g} m/s gravity or a "
+        "torque, not the impact, decides the motion"
+    )

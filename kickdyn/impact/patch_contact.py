@@ -12,7 +12,8 @@ derives it and says what was tried; all of it is our own.
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -21,21 +22,10 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import Approach
-from kickdyn.impact.compliant_contact import (
-    CompliantContact,
-    Evaluation,
-    Friction,
-    Kinematics,
-    Phase,
-    Torque,
-)
+from kickdyn.impact.compliant_contact import CompliantContact, Kinematics, Torque
 from kickdyn.impact.contact_motion import contact_axes
-from kickdyn.impact.force_model import (
-    GAS_EXPONENT,
-    InflatedForce,
-    compression_work,
-    gauge_pressure,
-)
+from kickdyn.impact.contact_phases import RESTING, SLIPS
+from kickdyn.impact.force_model import GAS_EXPONENT, InflatedForce, compression_work, gauge_pressure
 from kickdyn.robot.foot_surfaces import foot_surfaces
 
 STIFFNESS_RATIO = 2.0 / 3.0
@@ -212,19 +202,30 @@ class PatchContact(CompliantContact):
         expected_deflection = approach.speed * math.sqrt(approach.reduced_mass() / ball.stiffness)
         shear = patch.grip * lossless.pressure / expected_deflection
         self.patch_force = PatchForce(shell, 0.5 * patch.width, shear)
-        super().__init__(approach, self.patch_force, torque, expected, tol)  # type: ignore[arg-type]
-        normal = approach.contact.normal
-        self._set_axes(contact_axes(normal, _across(normal, patch.across)))
-        self._offset, self.patch = patch.offset, patch
-        self.lowest = ball.radius  # height of the centre over the strip so far [m]
+        self.patch, self.lowest = patch, ball.radius  # height of the centre so far [m]
         reach = 0.5 * patch.width + ball.radius
         if abs(patch.offset) >= reach:
             raise InvalidInput(
                 f"patch offset is {patch.offset:g} m: a strip of {patch.width:g} m does not meet a "
                 f"ball of radius {ball.radius:g} m; it must be less than {reach:g} in size"
             )
-        volume = 4.0 / 3.0 * math.pi * ball.radius**3
-        self._touched, self._volume = 1e-9 * ball.radius**2, volume
+        self._volume = 4.0 / 3.0 * math.pi * ball.radius**3
+        super().__init__(approach, self.patch_force, torque, expected, tol)  # type: ignore[arg-type]
+
+    def _arguments(self) -> tuple[Any, ...]:
+        return self.approach, self.patch, self._torque, self.expected
+
+    def _set_axes(self, world_axes: Array) -> None:
+        normal = self.approach.contact.normal
+        super()._set_axes(contact_axes(normal, _across(normal, self.patch.across)))
+
+    def _first_lane(self) -> SimpleNamespace:
+        """Return the lane at first contact: in place of the sliding, edges end a phase (2)."""
+        lane = super()._first_lane()
+        lane.kind[:], lane.along[:] = SLIPS, -1.0
+        lane.resting[:] = RESTING * self.tol * self.ball.radius
+        lane.rest[:] = math.inf
+        return lane
 
     def start(self) -> Array:
         """Return the first column."""
@@ -234,40 +235,33 @@ class PatchContact(CompliantContact):
         """Return the scale of each entry of a column, for absolute tolerances."""
         return np.concatenate([super().scales(), [self.approach.speed * self.expected] * 2])
 
-    def first_phase(self) -> Phase:
-        """Return the phase in which the contact begins."""
-        return Phase(0.0, Friction.SLIPS, (-1.0, -1.0))
-
-    def next_phase(self, t: float, y: Array, phase: Phase) -> Phase:
-        """Return the phase in which the disc has crossed an edge of the strip."""
-        margins = self._edge_margins(self.kinematics(self.state(y)), phase)
+    def begin_phase(self, which: int) -> bool:
+        """Begin the phase after an end of one: the disc may have crossed an edge of the strip."""
+        lane = self.lane
+        if which < 2:
+            return super().begin_phase(which)
+        margins = self._margins
         least = max(min(margins), 0.0) + 1e-9 * self.ball.radius  # both, where it is in the middle
-        low, high = (
-            -side if margin <= least else side
-            for side, margin in zip(phase.along, margins, strict=True)
-        )
-        return phase._replace(along=(low, high))
+        for k, margin in enumerate(margins):
+            lane.along[k, 0] *= -1.0 if margin <= least else 1.0
+        return False
 
-    def _edge_margins(self, contact: Kinematics, phase: Phase) -> tuple[float, float]:
+    def _edge_margins(self, contact: Kinematics, lane: Any) -> tuple[float, float]:
         """Return the values that are 0 where the rim of the disc crosses an edge of the strip.
 
-        The forces are smooth between. `Phase.along` is 1 for an edge that cuts the disc, else -1.
+        The forces are smooth between. `along` is 1 for an edge that cuts the disc, else -1.
         """
         radius, half = self.ball.radius, self.patch_force.half
         square, beside = radius**2 - contact.height**2, self._beside(contact)
-        low, high = phase.along
+        low, high = lane.along[:, 0].tolist()
         return (
             low * (square - (half + beside) ** 2) / radius,
             high * (square - (half - beside) ** 2) / radius,
         )
 
-    def slip_end(self, contact: Kinematics, phase: Phase) -> float:
-        """Return the value that is 0 where the rim of the disc crosses an edge of the strip."""
-        return min(self._edge_margins(contact, phase))
-
     def _beside(self, contact: Kinematics) -> float:
         """Return the distance of the ball's centre from the middle of the strip [m]."""
-        return float(self._offset + contact.point[0] - self._arm[0])
+        return float(self.patch.offset + contact.point[0] - self._arm[0])
 
     def overlap(self, contact: Kinematics) -> Overlap:
         """Return the overlap of ball and strip."""
@@ -290,49 +284,34 @@ class PatchContact(CompliantContact):
         return self.ball.radius - self.kinematics(self.state(y)).height
 
     def _growth(self, contact: Kinematics, shape: Overlap) -> float:
-        """Return the rate of the volume [m3/s]; before the strip touches, that of the approach."""
+        """Return the rate of the volume [m3/s] over the area [m2]."""
         closing = -contact.relative[2]
-        if shape.area == 0.0:
-            return closing * self._touched
-        return shape.area * closing + shape.across * self._rate_across(contact)
+        if shape.area == 0.0:  # before the strip touches
+            return closing
+        return closing + shape.across / shape.area * self._rate_across(contact)
 
     def _rate_across(self, contact: Kinematics) -> float:
         """Return the rate of the distance of the centre from the middle of the strip [m/s]."""
         _, ball_spin, _, spin = contact.motion
         return contact.relative[0] + contact.height * (ball_spin[1] - spin[1])
 
-    def deflection_end(self, contact: Kinematics, phase: Phase) -> float:
-        """Return the value that falls to 0 where a phase ends."""
-        if phase.largest == 0.0:
-            growth = self._growth(contact, self.overlap(contact)) / self._touched
-            return min(growth, contact.height)
-        deflection = self.deflection(contact)
-        # the volume may still grow by the error of the time at which it stops growing
-        return min(deflection, phase.largest * (1.0 + 1e-9) - deflection)
-
-    def evaluate(self, t: float, y: Array, phase: Phase) -> Evaluation:
-        """Return the equations of motion at a time in a phase."""
-        self._count(t)
-        state, ball, nv = self.state(y), self.ball, self.leg.nv
+    def evaluate(self, t: float, y: Array, lane: Any) -> tuple[Array, Array]:
+        """Return the derivative of a column and the force on the ball; fill in the lane."""
+        state = self.state(y)
         contact = self.kinematics(state)
-        shape, law, (w1, w2, w3) = self.overlap(contact), self.patch_force, contact.relative
-        shell, height = law.ball, contact.height
+        shape, law, w3 = self.overlap(contact), self.patch_force, contact.relative[2]
+        shell, height, largest = law.ball, contact.height, float(lane.largest[0])
         self.lowest = min(self.lowest, height)
-        share = 1.0 if phase.largest == 0.0 else shell.shell_restitution**2
+        share = 1.0 if largest == 0.0 else shell.shell_restitution**2
         pressure = gauge_pressure(shape.volume / self._volume, shell.pressure, shell.gas_exponent)
         size, edge = share * pressure * shape.area, -share * pressure * shape.across
-        lost = 0.0
-        if phase.largest == 0.0 and shape.area > 0.0:
-            lost = (1.0 - shell.shell_restitution**2) * pressure * self._growth(contact, shape)
+        lost, growth = 0.0, self._growth(contact, shape)
+        if largest == 0.0 and shape.area > 0.0:
+            lost = (1.0 - shell.shell_restitution**2) * pressure * growth * shape.area
+        stopped, moment1, moment2 = self._stopped_shell(contact, shape)
         _, ball_spin, _, spin = contact.motion
-        turn1, turn2 = ball_spin[0] - spin[0], ball_spin[1] - spin[1]
-        flux = shell.shell_share * ball.mass / (4.0 * math.pi * ball.radius) * max(-w3, 0.0)
-        angle, x, xx, yy = shape.rim
-        if turn2 * x <= w3 * angle:  # the shell at the rim recedes
-            flux = 0.0
-        stopped = flux * (-w3 * angle + turn2 * x)
-        moment1, moment2 = -flux * turn1 * yy, -flux * (-w3 * x + turn2 * xx)
-        lost -= stopped * w3 + moment1 * turn1 + moment2 * turn2
+        lost -= stopped * w3
+        lost -= moment1 * (ball_spin[0] - spin[0]) + moment2 * (ball_spin[1] - spin[1])
         size += stopped
         (f1, f2), sheared, rubbed = self._bristles(contact, shape, size, y[-2:])
         lost += rubbed
@@ -340,27 +319,37 @@ class PatchContact(CompliantContact):
         inertia, acting = self._acting(state, contact, torque)
         local = pin.computeJointJacobian(self.model, self.data, state.q, self.leg.contact_joint)
         about = self._axes[:, :2].dot((moment1, moment2 + height * edge))
-        pushed = acting[:, :3].dot((-f1 - edge, -f2, -size)) - local[3:].T.dot(about)
-        free = acting[:, 3].copy()
-        acting[:, 3] += pushed
+        acting[:, 3] += acting[:, :3].dot((-f1 - edge, -f2, -size)) - local[3:].T.dot(about)
+        total = acting[:, 3].copy()
         acceleration = self._response(state, inertia, acting)[:, 3]
-        forces = ((f1 + edge, height * f2 + moment1), (f2, -height * f1 + moment2), (size, 0.0))
-        on_ball, turning = contact.axes.dot(forces).T
-        power = float(torque.dot(state.v))
-        if ball.inertia == math.inf:  # a particle, whose spin stays
-            power -= float(turning.dot(state.motion[1]))
+        pushed = None
         if self.leg.constraints is not None:
-            power += float(state.v.dot(inertia.dot(acceleration) - free - pushed))
-        displacement_rate = state.v
-        if self.leg.nq != nv:
-            slope = pin.dDifference(self.model, self.q, state.q, pin.ArgumentPosition.ARG1)
-            displacement_rate = slope @ state.v
-        rates = np.concatenate([
-            displacement_rate, acceleration, state.motion[0], on_ball / ball.mass + self.gravity,
-            turning / ball.inertia, (lost, power), sheared,
-        ])  # fmt: skip
-        ends = self.deflection_end(contact, phase), self.slip_end(contact, phase)
-        return Evaluation(rates, on_ball, self.deflection(contact), ends, (w1, w2))
+            pushed = inertia.dot(acceleration) - total
+        forces = contact.axes.dot(
+            ((f1 + edge, height * f2 + moment1), (f2, -height * f1 + moment2), (size, 0.0))
+        ).T
+        lane.height[0], lane.deflection[0] = height, self.deflection(contact)
+        lane.sliding[:, 0] = contact.relative
+        lane.ends[0, 0] = growth if largest == 0.0 else lane.deflection[0]
+        # the volume may still grow by the error of the time at which it stops growing
+        beyond = largest * (1.0 + 1e-9) - lane.deflection[0]
+        lane.ends[1, 0] = beyond if largest > 0.0 else math.inf
+        self._margins = self._edge_margins(contact, lane)
+        lane.ends[2, 0] = min(self._margins)
+        rates = self._rates(state, acceleration, forces, lost, (torque, pushed))
+        return np.concatenate([rates, sheared]), forces[0]
+
+    def _stopped_shell(self, contact: Kinematics, shape: Overlap) -> tuple[float, float, float]:
+        """Return force and moments of the shell that the rim of the disc stops [N, N m]."""
+        shell, w3 = self.patch_force.ball, contact.relative[2]
+        _, ball_spin, _, spin = contact.motion
+        turn1, turn2 = ball_spin[0] - spin[0], ball_spin[1] - spin[1]
+        angle, x, xx, yy = shape.rim
+        flux = shell.shell_share * self.ball.mass / (4.0 * math.pi * self.ball.radius)
+        flux *= max(-w3, 0.0)
+        if turn2 * x <= w3 * angle:  # the shell at the rim recedes
+            flux = 0.0
+        return flux * (-w3 * angle + turn2 * x), -flux * turn1 * yy, -flux * (turn2 * xx - w3 * x)
 
     def _bristles(
         self, contact: Kinematics, shape: Overlap, size: float, shear: Array

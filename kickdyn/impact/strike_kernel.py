@@ -18,8 +18,10 @@ from kickdyn.core.lanes import (
     choose,
     inlined,
     jitable,
+    larger,
     magnitude,
     sine_and_cosine,
+    smaller,
     spread,
 )
 from kickdyn.impact import newton_law
@@ -42,36 +44,15 @@ from kickdyn.robot.tree_kernel import (
     JOINT,
     STATE,
     add,
-    contact_jacobian,
     cross,
-    delassus_matrix,
     dot,
-    factorize,
-    joint_impulses,
-    joint_space_inertia,
-    place_bodies,
     put,
     scale,
-    solve_velocity,
     vector,
-    whiten,
 )
 
 TASK = np.dtype([("foot", np.int64), ("planar", np.bool_)], align=True)
 """The joint that carries the contact point; motion is never taken to be in a plane."""
-
-LANE = np.dtype(
-    [
-        ("restitution", float, BATCH),
-        ("friction", float, BATCH),
-        ("tangent_mobility", float, BATCH),  # what the ball adds to the Delassus matrix [1/kg]
-        ("normal_mobility", float, BATCH),
-        ("velocity", float, (3, BATCH)),  # of the ball over the foot, in the contact's axes [m/s]
-        ("sticks", float, BATCH),  # 1 where the points stick
-        ("slips", float, BATCH),  # 1 where the direction of the slip is to be found
-    ]
-)
-"""What the impulse follows from, beside the Delassus matrix."""
 
 AXES, LEVER, CENTRE, VELOCITY, SPIN, RADIUS = 0, 9, 12, 15, 18, 21
 RESTITUTION, FRICTION, INVERSE_MASS, TURNING, GIVEN = 22, 23, 24, 25, 26
@@ -104,59 +85,84 @@ jitable(slip_impulse), jitable(slip_conic), jitable(meet_circle)
 inlined(stick_impulse), inlined(energy_lost)
 
 
-@jitable
-def _solve(lane, state):  # type: ignore[no-untyped-def]
-    """Fill in the impulse in the contact's axes by the law `newton` where the points do not slip.
+@inlined
+def with_ball(delassus, ball):  # type: ignore[no-untyped-def]
+    """Return the Delassus matrix with the mobility of the ball across and along the normal."""
+    across, along = ball
+    return (
+        delassus[D11] + across, delassus[D12], delassus[D22] + across, delassus[D13],
+        delassus[D23], delassus[D33] + along,
+    )  # fmt: skip
 
-    See `solve_newton`. Where they slip, `slips` is set.
+
+@jitable
+def solve_newton_batch(state, ball, u, contact, least):  # type: ignore[no-untyped-def]
+    """Fill in the impulse in the contact's axes by the law `newton` if points stick, or in a plane.
+
+    Where the foot arrives along the normal and nothing couples it across a plane, friction that
+    does not suffice is at its largest. What cancels to less than a share `least` is doubtful.
+    Returned is 1 where the points stick; `slips` is set where the direction of their slip is to be
+    found, see `slip_of_lane`.
+
+    Args:
+        state: with the Delassus matrix of the foot.
+        ball: mobility of the ball across and along the normal [1/kg].
+        u: velocity of the ball over the foot [m/s].
+        contact: restitution and friction.
+        least: share that pivots and resistance must keep of their terms.
     """
-    delassus, mu, e = state.delassus, lane.friction, lane.restitution
-    g22 = delassus[D22] + lane.tangent_mobility
-    g33 = delassus[D33] + lane.normal_mobility
-    g = (
-        delassus[D11] + lane.tangent_mobility, delassus[D12], g22, delassus[D13], delassus[D23],
-        g33,
-    )  # fmt: skip
-    u = vector(lane.velocity)
-    (p1, p2, p3), _, (h22, h33) = stick_impulse(g, u, e)
-    sound = (h22 > LEAST_SHARE * g22) & (h33 > LEAST_SHARE * g33)
-    most = mu * p3
-    sticks = sound & (mu > 0.0) & (p3 >= 0.0) & (p1 * p1 + p2 * p2 <= most * most)
-    lane.sticks = choose(sticks, 1.0, spread(0.0))
-    lane.slips = choose((mu > 0.0) & sound, 1.0 - lane.sticks, 0.0)
-    state.doubt = choose(sound | (mu == 0.0), state.doubt, 1.0)
-    level = (0.0 - (1.0 + e) * u[2]) / g33
-    impulse = choose(sticks, p1, 0.0), choose(sticks, p2, 0.0), choose(sticks, p3, level)
+    (e, mu), g = contact, with_ball(state.delassus, ball)
+    g11, g12, g22, g13, g23, g33 = g
+    (p1, p2, p3), (s, _), (h22, h33) = stick_impulse(g, u, e)
+    rubs, most = spread(0.0) + mu > 0.0, mu * p3
+    sticks = rubs & (p3 >= 0.0) & (p1 * p1 + p2 * p2 <= most * most)
+    straight = (g12 == 0.0) & (g23 == 0.0) & (spread(0.0) + (u[0] * u[0] + u[1] * u[1]) == 0.0)
+    level = choose(straight, 1.0, choose(rubs, 0.0, spread(1.0))) > 0.0
+    s = smaller(larger(s, 0.0 - mu), mu)
+    resistance = g33 + g13 * s
+    p = (0.0 - (1.0 + e) * u[2]) / resistance
+    resistance = choose(sticks, h33, resistance)
+    sound = (resistance > least * g33) & (level | (h22 > least * g22))
+    state.doubt = choose(sound, state.doubt, 1.0)
+    impulse = choose(sticks, p1, s * p), choose(sticks, p2, 0.0), choose(sticks, p3, p)
+    sliding = choose(sticks, 0.0, u[0] + (g11 * s + g13) * p)
     put(state.impulse, impulse)
-    state.energy_lost = energy_lost(impulse, u, (0.0, 0.0), e)
+    state.energy_lost = energy_lost(impulse, u, (sliding, 0.0), e)
+    state.slips = choose(sticks | level, 0.0, choose(sound, 1.0, spread(0.0)))
+    return choose(sticks, 1.0, spread(0.0))
 
 
-@jitable
-def _slip(floats, lane, i):  # type: ignore[no-untyped-def]
-    """Fill in the impulse of lane i by the law `newton` where the points slip."""
-    delassus, mobility = floats.delassus, lane.tangent_mobility[i]
-    g33 = delassus[D33, i] + lane.normal_mobility[i]
-    g = (
-        delassus[D11, i] + mobility, delassus[D12, i], delassus[D22, i] + mobility,
-        delassus[D13, i], delassus[D23, i], g33,
-    )  # fmt: skip
-    u = lane.velocity[0, i], lane.velocity[1, i], lane.velocity[2, i]
-    e, mu = lane.restitution[i], lane.friction[i]
-    impulse, lost = slip_impulse(g, u, e, mu, meet_circle(slip_conic(g, u, e, mu)))
-    if not 0.0 < impulse[2] * (LEAST_RESISTANCE * g33) < -(1.0 + e) * u[2]:
+@inlined
+def slip_of_lane(floats, g, u, contact, directions, i):  # type: ignore[no-untyped-def]
+    """Fill in the impulse of lane i where the points slip, see `slip_impulse`."""
+    e, mu = contact
+    impulse, lost = slip_impulse(g, u, e, mu, directions)
+    if not 0.0 < impulse[2] * (LEAST_RESISTANCE * g[5]) < -(1.0 + e) * u[2]:
         floats.doubt[i] = 1.0
     floats.impulse[0, i], floats.impulse[1, i], floats.impulse[2, i] = impulse
     floats.energy_lost[i] = lost
 
 
 @jitable
-def strike_batch(tree, frames, senses, task, given, g, memory):  # type: ignore[no-untyped-def]
+def _slip(floats, given, g, i):  # type: ignore[no-untyped-def]
+    """Fill in the impulse of lane i of batch g where the points slip in one of several ways."""
+    inverse = given[INVERSE_MASS, g, i]
+    ball = inverse + given[TURNING, g, i], inverse
+    matrix = with_ball(floats.delassus[:, i], ball)
+    contact = given[RESTITUTION, g, i], given[FRICTION, g, i]
+    u = floats.velocity[0, i], floats.velocity[1, i], floats.velocity[2, i]
+    directions = meet_circle(slip_conic(matrix, u, *contact))
+    slip_of_lane(floats, matrix, u, contact, directions, i)
+
+
+@jitable
+def strike_batch(tree, frames, senses, task, given, given_floats, g, memory):  # type: ignore[no-untyped-def]
     """Fill in the answers of one batch of strikes; `given` is read at batch g.
 
-    `memory` is what it works in: lanes, their floats, bodies, the matrix of inertia, state, its
-    floats, and rows of joint angles, velocities, columns of the answer and the flag.
+    `memory` is what it works in: bodies, the matrix of inertia, state, its floats, and rows of
+    joint angles, velocities, columns of the answer and the flag.
     """
-    lanes, lane_floats, bodies, inertia, state, floats, row_of = memory
+    bodies, inertia, state, floats, row_of = memory
     n = len(tree)
     nv = n - 1
     result, first = row_of[2 * nv :], FIRST + nv
@@ -170,10 +176,10 @@ def strike_batch(tree, frames, senses, task, given, g, memory):  # type: ignore[
             bodies[k].sine, bodies[k].cosine = sine_and_cosine(angle)
             doubt = choose(magnitude(angle) < LARGEST_ANGLE, doubt, 1.0)
     state.doubt = doubt
-    place_bodies(tree, bodies)
-    joint_space_inertia(tree, bodies, inertia)
+    tree_kernel.place_bodies(tree, bodies)
+    tree_kernel.joint_space_inertia(tree, bodies, inertia)
     lever = given[LEVER, g], given[LEVER + 1, g], given[LEVER + 2, g]
-    contact_jacobian(tree, bodies, task, lever, state)
+    tree_kernel.contact_jacobian(tree, bodies, task, lever, state)
     a = (
         (given[AXES, g], given[AXES + 1, g], given[AXES + 2, g]),
         (given[AXES + 3, g], given[AXES + 4, g], given[AXES + 5, g]),
@@ -195,22 +201,22 @@ def strike_batch(tree, frames, senses, task, given, g, memory):  # type: ignore[
         x, y, z = dot(a[0], column), dot(a[1], column), dot(a[2], column)
         row[0], row[1], row[2] = x, y, z
         u1, u2, u3 = u1 - x * speed, u2 - y * speed, u3 - z * speed
-    lanes.velocity[0], lanes.velocity[1], lanes.velocity[2] = u1, u2, u3
-    lanes.restitution, lanes.friction = given[RESTITUTION, g], given[FRICTION, g]
+    put(state.velocity, (u1, u2, u3))
     inverse, turning = given[INVERSE_MASS, g], given[TURNING, g]
-    lanes.tangent_mobility, lanes.normal_mobility = inverse + turning, inverse
-    factorize(tree, inertia, state)
-    whiten(tree, bodies, inertia, task)
-    delassus_matrix(tree, bodies, inertia, state)
-    _solve(lanes, state)
-    for i in range(lane_floats.slips.size):
-        if lane_floats.slips[i] > 0.0:
-            _slip(floats, lane_floats, i)
-    solve_velocity(tree, bodies, inertia, state)
+    tree_kernel.factorize(tree, inertia, state)
+    tree_kernel.whiten(tree, bodies, inertia, task)
+    tree_kernel.delassus_matrix(tree, bodies, inertia, state)
+    contact = given[RESTITUTION, g], given[FRICTION, g]
+    ball = inverse + turning, inverse
+    sticks = solve_newton_batch(state, ball, (u1, u2, u3), contact, LEAST_SHARE)
+    for i in range(floats.slips.size):
+        if floats.slips[i] > 0.0:
+            _slip(floats, given_floats, g, i)
+    tree_kernel.solve_velocity(tree, bodies, inertia, state)
     s, t, p = state.impulse[0], state.impulse[1], state.impulse[2]
     impulse = add(add(scale(s, a[0]), scale(t, a[1])), scale(p, a[2]))
     put(state.impulse, impulse)
-    joint_impulses(tree, bodies, task, state)
+    tree_kernel.joint_impulses(tree, bodies, task, state)
     point = vector(state.point)
     k = task.foot
     while k > 0:
@@ -226,7 +232,7 @@ def strike_batch(tree, frames, senses, task, given, g, memory):  # type: ignore[
     speed = 0.0 - u3
     sound = sound & (speed > LEAST_APPROACH)
     parting = ((u3 > LEAST_APPROACH) | (u3 == 0.0)) & (u3 < FASTEST) & (doubt == 0.0)
-    result[width] = choose(parting, PARTING, choose(sound, SLIDE - lanes.sticks, ANEW))
+    result[width] = choose(parting, PARTING, choose(sound, SLIDE - sticks, ANEW))
     for k in range(1, n):
         result[FIRST + k - 1] = senses[k] * (row_of[nv + k - 1] + bodies[k].jump)
         _write(bodies[k].rotation, frames[k], bodies[k].force, result, first)
@@ -251,16 +257,13 @@ def _strike(tree, frames, task, senses, given, motion, memory, answer):  # type:
 
     `given` has the rows that the names above say, of one batch where all strikes share them. Joint
     angles and velocities, and answers with their flags, have a row for each strike. `memory` is
-    what it works in: a `LANE`, the bodies, the matrix of inertia, a `STATE`, and a batch of joint
-    angles, velocities, columns of the answer and the flag.
+    what it works in: the bodies, the matrix of inertia, a `STATE`, and a batch of joint angles,
+    velocities, columns of the answer and the flag.
     """
     (q, v), (answer, flags) = motion, answer
-    lanes, bodies, inertia, state, floats_of = memory
-    task, floats, lane_floats, count = task[0], state[0], lanes[0], len(q)
-    batch = (
-        batches(lanes)[0], lane_floats, batches(bodies), batches(inertia), batches(state)[0],
-        floats, batches(floats_of),
-    )  # fmt: skip
+    bodies, inertia, state, floats_of = memory
+    task, floats, count, given_floats = task[0], state[0], len(q), given
+    batch = batches(bodies), batches(inertia), batches(state)[0], floats, batches(floats_of)
     given = batches(given)
     nv, width = len(tree) - 1, answer.shape[1]
     for c in range((count + BATCH - 1) // BATCH):
@@ -270,7 +273,7 @@ def _strike(tree, frames, task, senses, given, motion, memory, answer):  # type:
             for k in range(nv):
                 floats_of[k, i] = senses[k + 1] * q[row, k]
                 floats_of[nv + k, i] = senses[k + 1] * v[row, k]
-        strike_batch(tree, frames, senses, task, given, g, batch)
+        strike_batch(tree, frames, senses, task, given, given_floats, g, batch)
         for i in range(min(BATCH, count - BATCH * c)):
             flags[BATCH * c + i] = np.int8(floats_of[2 * nv + width, i])
             row, column = answer[BATCH * c + i], floats_of[2 * nv :, i]
@@ -285,12 +288,10 @@ def _source() -> Source:
     import numba  # here, because it takes long to import
 
     typeof: Any = numba.typeof
-    tree, task, lanes, bodies, state = (
-        typeof(np.zeros(1, dtype)) for dtype in (JOINT, TASK, LANE, BODY, STATE)
-    )
+    tree, task, bodies, state = (typeof(np.zeros(1, dtype)) for dtype in (JOINT, TASK, BODY, STATE))
     vector, matrix, cube = numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
     tuple_of: Any = numba.types.Tuple
-    memory, motion = tuple_of((lanes, bodies, cube, state, matrix)), tuple_of((matrix, matrix))
+    memory, motion = tuple_of((bodies, cube, state, matrix)), tuple_of((matrix, matrix))
     answer = tuple_of((matrix, numba.int8[::1]))
     signature = numba.void(tree, cube, task, vector, cube, motion, memory, answer)
     return Source(_strike, signature, OPTIONS)

@@ -1,7 +1,7 @@
 """Many strikes at once: the answers of `strike`, on arrays or in machine code."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, TypeVar
@@ -18,19 +18,131 @@ from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, KickdynError, NoImpact
 from kickdyn.impact import strike_kernel as kernel
 from kickdyn.impact.approach import AT_REST
-from kickdyn.impact.batch_arguments import (
-    ContactRows,
-    contact_frames,
-    one_or_many,
-    rows_of,
-    unit_warnings,
-    vector_rows,
-)
 from kickdyn.impact.laws import find_law, names_of_laws
 from kickdyn.impact.strike import strike
 from kickdyn.restitution import restitution_at
+from kickdyn.robot.joint_table import DEGREES, look_like_degrees
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.tree_kernel import BODY, STATE, hinges_and_slides, joint_tree
+
+
+def rows_of(
+    leg_size: tuple[int, int], q: ArrayLike, v: ArrayLike, single: str
+) -> tuple[Array, Array]:
+    """Return q and v of shape `(n, nq)` and `(n, nv)`, or raise `InvalidInput`."""
+    arrays = []
+    for name, value, size in zip("qv", (q, v), leg_size, strict=True):
+        array = validation.floats(name, value)
+        if array.ndim != 2 or array.shape[1] != size:
+            raise InvalidInput(
+                f"{name} has shape {array.shape}: it must be (n, {size}); {single} takes one"
+            )
+        arrays.append(array)
+    if len(arrays[0]) != len(arrays[1]):
+        raise InvalidInput(
+            f"q has {len(arrays[0])} rows and v {len(arrays[1])}: both must have the same number"
+        )
+    return arrays[0], arrays[1]
+
+
+def one_or_many(name: str, value: Any, kind: type, n: int) -> list[Any]:
+    """Return a list of one object, or of n, or raise `InvalidInput`."""
+    if isinstance(value, kind):
+        return [value]
+    if not isinstance(value, Sequence) or isinstance(value, str):
+        raise InvalidInput(
+            f"{name} is {validation.brief(value)}: it must be a {kind.__name__} or {n} of them"
+        )
+    if len(value) != n:
+        raise InvalidInput(f"{name} has length {len(value)}: it must be one or {n}, as q has rows")
+    for item in value:
+        validation.check_type(kind, **{name: item})
+    return list(value)
+
+
+def unit_warnings(leg: Leg, q: Array, balls: Iterable[Ball]) -> tuple[str, ...]:
+    """Return lines about balls and configurations, `(n, nq)`, that seem to be in other units."""
+    lines = dict.fromkeys(line for ball in balls for line in ball.warnings)
+    doubtful = np.flatnonzero(look_like_degrees(leg, q))
+    if doubtful.size:
+        lines[f"{doubtful.size} rows of q, the first {doubtful[0]}: {DEGREES}"] = None
+    return tuple(lines)
+
+
+def vector_rows(name: str, value: ArrayLike, n: int) -> Array:
+    """Return n vectors of three numbers, of one or of n, or raise `InvalidInput`."""
+    array = validation.floats(name, value)
+    if array.shape not in ((3,), (n, 3)):
+        raise InvalidInput(f"{name} has shape {array.shape}: it must be (3,) or ({n}, 3)")
+    return np.broadcast_to(array, (n, 3))
+
+
+def contact_frames(normals: Array) -> Array:
+    """Return two tangents and the normal of n unit normals as rows, shape `(n, 3, 3)`."""
+    tangent = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    tangent = tangent - normals * (tangent * normals).sum(axis=1, keepdims=True)
+    tangent /= np.sqrt((tangent * tangent).sum(axis=1, keepdims=True))
+    return np.stack([np.cross(tangent, normals), tangent, normals], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactRows:
+    """One contact or n as arrays.
+
+    Attributes:
+        given: the contacts; or one, which the arrays change in each of n rows.
+        normal: shape `(n, 3)`, unit vectors.
+        restitution: shape `(n,)`, nan where it depends on the speed of approach.
+        friction: shape `(n,)`.
+        changed: whether the arrays change the contact that is given.
+    """
+
+    given: Sequence[Contact]
+    normal: Array
+    restitution: Array
+    friction: Array
+    changed: bool = False
+
+    @classmethod
+    def of(cls, contacts: Sequence[Contact]) -> "ContactRows":
+        """Return contacts as arrays; refuse one without a normal."""
+        for contact in contacts:
+            contact.check_normal()
+        restitution = [
+            contact.restitution if isinstance(contact.restitution, float) else math.nan
+            for contact in contacts
+        ]
+        return cls(
+            contacts, np.array([contact.normal for contact in contacts]), np.array(restitution),
+            np.array([contact.friction for contact in contacts]),
+        )  # fmt: skip
+
+    def levers(self, leg: Leg) -> Array:
+        """Return the contact points in the frame of their joint, `(n, 3)` or `(1, 3)` [m]."""
+        still = (0.0, 0.0, 0.0)
+        offsets = np.array([still if one.offset is None else one.offset for one in self.given])
+        frame = leg.workspace.model.frames[leg.frame_id].placement
+        return np.asarray(leg.contact_lever + offsets @ frame.rotation.T)
+
+    def part(self, rows: slice) -> "ContactRows":
+        """Return some of n contacts, or the one."""
+        if len(self) == 1:
+            return self
+        arrays = self.normal[rows], self.restitution[rows], self.friction[rows]
+        return ContactRows(self.given if self.changed else self.given[rows], *arrays, self.changed)
+
+    def __len__(self) -> int:
+        return len(self.normal)
+
+    def __getitem__(self, i: int) -> Contact:
+        if not self.changed:
+            return self.given[i]
+        contact, e = self.given[0], float(self.restitution[i])
+        return replace(
+            contact, normal=self.normal[i], friction=float(self.friction[i]),
+            restitution=contact.restitution if math.isnan(e) else e,
+        )  # fmt: skip
+
 
 DIFFERENCE = 1e-3
 """Step of the differences of `Impacts` by q and v, relative to 1 rad (1 m) and to the speed."""
@@ -55,6 +167,11 @@ class StrikeStatus(StrEnum):
     def flag(self) -> int:
         """The number that stands for the status in an array."""
         return list(StrikeStatus).index(self)
+
+    @classmethod
+    def of_points(cls, sticking: bool) -> "StrikeStatus":
+        """Return the status of an impact whose points stick, or slip."""
+        return cls.STICKS if sticking else cls.SLIPS
 
     @classmethod
     def of(cls, error: KickdynError) -> "StrikeStatus":
@@ -184,41 +301,130 @@ def strike_many(
 
 
 class Strikes:
-    """Leg, balls and contacts of n strikes, to which q and v are added."""
+    """Leg, balls and contacts of n strikes, to which q and v are added.
+
+    The strikes of a fixed-base leg of hinges and slides are computed at once, on arrays or in
+    machine code.
+    """
 
     def __init__(
         self, leg: Leg, balls: list[Ball], contacts: ContactRows, velocity: Array, spin: Array
     ) -> None:
         self.leg, self.balls, self.contacts = leg, balls, contacts
         self.velocity, self.spin = velocity, spin
-        self.radius = np.array([ball.radius for ball in balls])
-        self._kernel = _Kernel.of(self)
+        movable = all(ball.mass < math.inf for ball in balls) and leg.nq == leg.nv
+        movable = movable and leg.base_velocity is None and len(velocity) > 0
+        joints = hinges_and_slides(leg) if movable else None
+        self._at_once = joints is not None
+        if joints is None:
+            return
+        tree, frames, senses = joint_tree(leg, joints, np.eye(3))
+        task = np.zeros(1, kernel.TASK)
+        task["foot"] = leg.contact_joint
+        self._tree = tree, np.ascontiguousarray(frames), task, np.ascontiguousarray(senses)
+        self._columns = kernel.FIRST + 7 * leg.nv
+        self._varies = bool(np.isnan(contacts.restitution).any())
+        self._table = self._inputs(frames[leg.contact_joint].T)
 
     def compute(self, q: Array, v: Array) -> Impacts:
         """Return the impacts at configurations and joint velocities."""
         n, leg = len(q), self.leg
-        if self._kernel is None:
+        if self._at_once:
+            impacts, doubtful = self._strike(q, v)
+        else:
             inside = len(leg.joint_names), 6
             impacts = failed_rows(Impacts, n, *[(3,)] * 4, (leg.nv,), inside, (), ())
             doubtful = np.ones(n, bool)
-        else:
-            impacts, doubtful = self._kernel.strike(q, v)
-        for i in np.flatnonzero(doubtful).tolist():
+
+        def single(i: int) -> tuple[Any, ...]:
             ball, contact = self.balls[i % len(self.balls)], self.contacts[i % len(self.contacts)]
-            try:
-                impact = strike(
-                    leg.posture(q[i]), v[i], ball, contact,
-                    ball_velocity=self.velocity[i], ball_spin=self.spin[i],
-                )  # fmt: skip
-            except KickdynError as error:
-                put_rows(impacts, i, *[np.nan] * 8, StrikeStatus.of(error).flag)
-                continue
+            impact = strike(
+                leg.posture(q[i]), v[i], ball, contact,
+                ball_velocity=self.velocity[i], ball_spin=self.spin[i],
+            )  # fmt: skip
             after = impact.ball_after
-            status = StrikeStatus.STICKS if impact.sticking else StrikeStatus.SLIPS
-            put_rows(impacts, i, impact.impulse, after.velocity, after.spin, after.position,
-                     impact.v_after, impact.joint_impulses, impact.approach_speed,
-                     impact.energy_lost, status.flag)  # fmt: skip
+            return (
+                impact.impulse, after.velocity, after.spin, after.position, impact.v_after,
+                impact.joint_impulses, impact.approach_speed, impact.energy_lost,
+                StrikeStatus.of_points(impact.sticking).flag,
+            )  # fmt: skip
+
+        fill_rows(impacts, doubtful, single)
         return impacts
+
+    def _inputs(self, foot_axes: Array) -> Array:
+        """Return the inputs of the strikes beside q and v, shape `(rows, batches, 16)`."""
+        rows, leg, contacts = kernel, self.leg, self.contacts
+        shared = max(len(self.balls), len(contacts)) == 1 and not self._varies
+        # one velocity for all rows takes no memory for each
+        shared = shared and self.velocity.strides[0] == self.spin.strides[0] == 0
+        n = 1 if shared else len(self.velocity)
+        table = np.empty((rows.GIVEN, -(-n // BATCH) * BATCH))
+        table[rows.AXES : rows.LEVER, :n] = contact_frames(contacts.normal).reshape(-1, 9).T
+        table[rows.LEVER : rows.CENTRE, :n] = foot_axes @ contacts.levers(leg).T
+        table[rows.RADIUS, :n] = [ball.radius for ball in self.balls]
+        root = leg.workspace.model.jointPlacements[1].translation
+        table[rows.CENTRE : rows.VELOCITY, :n] = root[:, None] + table[rows.RADIUS, :n] * (
+            contacts.normal.T
+        )
+        table[rows.VELOCITY : rows.SPIN, :n] = self.velocity[:n].T
+        table[rows.SPIN : rows.RADIUS, :n] = self.spin[:n].T
+        table[rows.RESTITUTION, :n] = np.nan_to_num(contacts.restitution, nan=0.5)
+        table[rows.FRICTION, :n] = contacts.friction
+        table[rows.INVERSE_MASS, :n] = [1.0 / ball.mass for ball in self.balls]
+        table[rows.TURNING, :n] = [ball.turning for ball in self.balls]
+        table[:, n:] = table[:, n - 1 : n]
+        return table.reshape(rows.GIVEN, -1, BATCH)
+
+    def _strike(self, q: Array, v: Array) -> tuple[Impacts, NDArray[np.bool_]]:
+        """Return the impacts, and which of them are to be computed anew."""
+        rows = kernel
+        run = self._run if kernel.KERNEL.pays(len(q) * SECONDS_IN_PYTHON) else self._in_python
+        answer, flags = run(q, v)
+        if self._varies:
+            restitution = self._table[kernel.RESTITUTION].reshape(-1)
+            for i, speed in enumerate(answer[:, rows.APPROACH].tolist()):
+                contact = self.contacts[i % len(self.contacts)]
+                restitution[i] = restitution_at(contact.restitution, max(speed, 0.0))
+            answer, flags = run(q, v)
+        answer[flags == rows.PARTING] = np.nan
+        (n, nv), end = q.shape, rows.FIRST + self.leg.nv
+        fields: list[Any] = [
+            answer[:, k : k + 3]
+            for k in (rows.IMPULSE, rows.BALL_VELOCITY, rows.BALL_SPIN, rows.BALL_POSITION)
+        ]
+        fields += [answer[:, rows.FIRST : end], answer[:, end:].reshape(n, nv, 6)]
+        fields += [answer[:, rows.APPROACH], answer[:, rows.LOST], flags]
+        impacts = Impacts(*fields)
+        return impacts, flags == rows.ANEW
+
+    def _run(self, q: Array, v: Array) -> tuple[Array, NDArray[np.int8]]:
+        """Return the answers of the kernel, shape `(n, columns)`, and their flags."""
+        answer = np.empty((len(q), self._columns)), np.empty(len(q), np.int8)
+        motion, count = (np.ascontiguousarray(q), np.ascontiguousarray(v)), len(self._tree[0])
+        memory = (
+            aligned_zeros((count,), BODY), aligned_zeros((count, count, BATCH)),
+            aligned_zeros((1,), STATE),
+            aligned_zeros((2 * len(q.T) + self._columns + 1, BATCH)),
+        )  # fmt: skip
+        kernel.KERNEL()(*self._tree, self._table, motion, memory, answer)
+        return answer
+
+    def _in_python(self, q: Array, v: Array) -> tuple[Array, NDArray[np.int8]]:
+        """Return the result of `_run`, by the same functions on arrays of all strikes."""
+        tree, frames, task, senses = self._tree
+        (n, nv), count = q.shape, len(tree)
+        row_of = np.empty((2 * nv + self._columns + 1, n))
+        row_of[:nv], row_of[nv : 2 * nv] = (senses[1:] * q).T, (senses[1:] * v).T
+        table = self._table.reshape(kernel.GIVEN, 1, -1)
+        inputs = np.broadcast_to(table[..., :n] if table.shape[2] >= n else table[..., :1],
+                                (kernel.GIVEN, 1, n))  # fmt: skip
+        (state,), inertia = blank_records(STATE, 1, n), np.zeros((count, count, n))
+        memory = blank_records(BODY, count, n), inertia, state, state, row_of
+        leg = namespaces(tree), frames, senses, *namespaces(task)
+        with np.errstate(all="ignore"):  # of strikes that are computed anew
+            kernel.strike_batch(*leg, inputs, inputs, 0, memory)
+        return row_of[2 * nv : -1].T.copy(), row_of[-1].astype(np.int8)
 
 
 def failed_rows(kind: Callable[..., Rows], n: int, *shapes: tuple[int, ...]) -> Rows:
@@ -233,112 +439,20 @@ def put_rows(result: Any, rows: Any, *values: Any) -> None:
         getattr(result, name)[rows] = value
 
 
-class _Kernel:
-    """The strikes of one leg at once, on arrays or in machine code, and their shared inputs."""
+def fill_rows(
+    result: Any, remaining: NDArray[np.bool_], single: Callable[[int], tuple[Any, ...]]
+) -> None:
+    """Write the rows that remain, one after the other; those that raise are nan, with a status.
 
-    def __init__(self, given: Strikes, joints: Any) -> None:
-        self._given, leg = given, given.leg
-        tree, frames, senses = joint_tree(leg, joints, np.eye(3))
-        task = np.zeros(1, kernel.TASK)
-        task["foot"] = leg.contact_joint
-        self._given_leg = tree, np.ascontiguousarray(frames), task, np.ascontiguousarray(senses)
-        self._columns = kernel.FIRST + 7 * leg.nv
-        self._varies = bool(np.isnan(given.contacts.restitution).any())
-        self._table = self._of_strikes(frames[leg.contact_joint].T)
-
-    def _of_strikes(self, foot_axes: Array) -> Array:
-        """Return the inputs of the strikes beside q and v, shape `(rows, batches, 16)`."""
-        rows, strikes, leg = kernel, self._given, self._given.leg
-        frame = leg.workspace.model.frames[leg.frame_id].placement
-        contacts = strikes.contacts
-        levers = leg.contact_lever + contacts.offset @ frame.rotation.T
-        root = leg.workspace.model.jointPlacements[1].translation
-        shared = max(len(strikes.balls), len(contacts)) == 1 and not self._varies
-        # one velocity for all rows takes no memory for each
-        shared = shared and strikes.velocity.strides[0] == strikes.spin.strides[0] == 0
-        n = 1 if shared else len(strikes.velocity)
-        padded = -(-n // BATCH) * BATCH
-        table = np.empty((rows.GIVEN, padded))
-        table[rows.AXES : rows.LEVER, :n] = contact_frames(contacts.normal).reshape(-1, 9).T
-        table[rows.LEVER : rows.CENTRE, :n] = foot_axes @ levers.T
-        centres = root + strikes.radius[:, None] * contacts.normal
-        table[rows.CENTRE : rows.VELOCITY, :n] = centres.T
-        table[rows.VELOCITY : rows.SPIN, :n] = strikes.velocity[:n].T
-        table[rows.SPIN : rows.RADIUS, :n] = strikes.spin[:n].T
-        table[rows.RADIUS, :n] = strikes.radius
-        table[rows.RESTITUTION, :n] = np.nan_to_num(contacts.restitution, nan=0.5)
-        table[rows.FRICTION, :n] = contacts.friction
-        table[rows.INVERSE_MASS, :n] = [1.0 / ball.mass for ball in strikes.balls]
-        table[rows.TURNING, :n] = [ball.turning for ball in strikes.balls]
-        table[:, n:] = table[:, n - 1 : n]
-        return table.reshape(rows.GIVEN, -1, BATCH)
-
-    @classmethod
-    def of(cls, given: Strikes) -> "_Kernel | None":
-        """Return the kernel of a leg, or None if there is none."""
-        leg, movable = given.leg, all(ball.mass < math.inf for ball in given.balls)
-        if leg.base_velocity is not None or leg.nq != leg.nv or not movable:
-            return None
-        joints = hinges_and_slides(leg) if len(given.velocity) else None
-        return None if joints is None else cls(given, joints)
-
-    def strike(self, q: Array, v: Array) -> tuple[Impacts, NDArray[np.bool_]]:
-        """Return the impacts, and which of them are to be computed anew."""
-        rows = kernel
-        run = self._run if kernel.KERNEL.pays(len(q) * SECONDS_IN_PYTHON) else self._in_python
-        answer, flags = run(q, v)
-        if self._varies:
-            self._set_restitution(answer[:, rows.APPROACH])
-            answer, flags = run(q, v)
-        answer[flags == rows.PARTING] = np.nan
-        (n, nv), end = q.shape, rows.FIRST + self._given.leg.nv
-        impulse, velocity, spin, position = (
-            answer[:, k : k + 3]
-            for k in (rows.IMPULSE, rows.BALL_VELOCITY, rows.BALL_SPIN, rows.BALL_POSITION)
-        )
-        impacts = Impacts(
-            impulse, velocity, spin, position, answer[:, rows.FIRST : end],
-            answer[:, end:].reshape(n, nv, 6), answer[:, rows.APPROACH], answer[:, rows.LOST],
-            flags,
-        )  # fmt: skip
-        return impacts, flags == rows.ANEW
-
-    def _run(self, q: Array, v: Array) -> tuple[Array, NDArray[np.int8]]:
-        """Return the answers of the kernel, shape `(n, columns)`, and their flags."""
-        answer = np.empty((len(q), self._columns)), np.empty(len(q), np.int8)
-        motion, count = (np.ascontiguousarray(q), np.ascontiguousarray(v)), len(self._given_leg[0])
-        memory = (
-            aligned_zeros((1,), kernel.LANE), aligned_zeros((count,), BODY),
-            aligned_zeros((count, count, BATCH)), aligned_zeros((1,), STATE),
-            aligned_zeros((2 * len(q.T) + self._columns + 1, BATCH)),
-        )  # fmt: skip
-        kernel.KERNEL()(*self._given_leg, self._table, motion, memory, answer)
-        return answer
-
-    def _in_python(self, q: Array, v: Array) -> tuple[Array, NDArray[np.int8]]:
-        """Return the result of `_run`, by the same functions on arrays of all strikes."""
-        tree, frames, task, senses = self._given_leg
-        (n, nv), count = q.shape, len(tree)
-        row_of = np.empty((2 * nv + self._columns + 1, n))
-        row_of[:nv], row_of[nv : 2 * nv] = (senses[1:] * q).T, (senses[1:] * v).T
-        table = self._table.reshape(kernel.GIVEN, 1, -1)
-        inputs = np.broadcast_to(table[..., :n] if table.shape[2] >= n else table[..., :1],
-                                (kernel.GIVEN, 1, n))  # fmt: skip
-        (lanes,), (state,) = blank_records(kernel.LANE, 1, n), blank_records(STATE, 1, n)
-        memory = (lanes, lanes, blank_records(BODY, count, n), np.zeros((count, count, n)),
-                  state, state, row_of)  # fmt: skip
-        with np.errstate(all="ignore"):  # of strikes that are computed anew
-            kernel.strike_batch(
-                namespaces(tree), frames, senses, *namespaces(task), inputs, 0, memory
-            )
-        return row_of[2 * nv : -1].T.copy(), row_of[-1].astype(np.int8)
-
-    def _set_restitution(self, speeds: Array) -> None:
-        """Put in the restitution at the speeds of approach where it depends on them."""
-        contacts, restitution = self._given.contacts, self._table[kernel.RESTITUTION].reshape(-1)
-        for i, speed in enumerate(speeds.tolist()):
-            contact = contacts[i % len(contacts)]
-            restitution[i] = restitution_at(contact.restitution, max(speed, 0.0))
+    `single` returns the first fields of a row, the status last.
+    """
+    for i in np.flatnonzero(remaining).tolist():
+        try:
+            values = single(i)
+        except KickdynError as error:
+            nothing = [np.nan] * (list(result.__dataclass_fields__).index("status"))
+            values = *nothing, StrikeStatus.of(error).flag
+        put_rows(result, i, *values)
 
 
 def _slopes(given: Strikes, q: Array, v: Array) -> LaunchSlopes:

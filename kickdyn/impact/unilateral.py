@@ -12,13 +12,12 @@ from kickdyn.contact import Contact
 from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
-from kickdyn.impact.body import BallBody, Body, LegBody
-from kickdyn.impact.contact_problem import ContactPoint, ContactProblem
+from kickdyn.impact.contact_problem import BallBody, Body, ContactPoint, ContactProblem, LegBody
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import find_law, solve_contacts
 from kickdyn.impact.leg_response import Footing, is_level, response_to_jump
 from kickdyn.impact.newton_law import AT_REST_SPEED
-from kickdyn.impact.rounding import Rounding
+from kickdyn.impact.uncertainty import Rounding
 from kickdyn.robot.leg import Posture
 
 UP = np.array([0.0, 0.0, 1.0])

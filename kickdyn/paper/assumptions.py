@@ -11,7 +11,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
-from kickdyn.impact.body import BallBody
+from kickdyn.impact.contact_problem import BallBody
 from kickdyn.impact.laws import limit_friction
 
 BALL = Ball.paper()

@@ -75,14 +75,15 @@ MOTION = np.dtype(
 
 STATE = np.dtype(
     [
-        ("number", float, BATCH),  # 0, 1, 2 ... within the batch; given
         ("point", float, (3, BATCH)),  # contact point from the origin of the foot's joint [m]
         ("from_base", float, (3, BATCH)),  # contact point from the origin of the first joint [m]
+        ("velocity", float, (3, BATCH)),  # of the ball over the foot [m/s]
         ("needed", float, (3, BATCH)),  # velocity that the joints must give the contact point [m/s]
         ("jacobian_square", float, BATCH),  # sum of squares of the contact point's Jacobian
         ("delassus", float, (6, BATCH)),  # Delassus matrix of the foot [1/kg]
         ("impulse", float, (3, BATCH)),  # on the ball along both tangents and the normal [N s]
         ("energy_lost", float, BATCH),  # [J]
+        ("slips", float, BATCH),  # 1 where the direction of a slip is to be found
         ("speed_use", float, BATCH),  # least possible largest joint speed over its limit
         ("doubt", float, BATCH),  # 1 where digits are lost, else 0
         ("foot_jump", float, BATCH),  # of the foot's velocity along the normal [m/s]

@@ -15,8 +15,8 @@ from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
-from kickdyn.impact.collide import CONTACT_TIME, checked_stiffness, takes_inflated_force
-from kickdyn.impact.force_model import LONGEST_CONTACT
+from kickdyn.impact.collide import checked_stiffness, takes_inflated_force
+from kickdyn.impact.force_model import CONTACT_TIME, LONGEST_CONTACT
 from kickdyn.impact.laws import find_law
 from kickdyn.impact.sensitivity import UNITS
 from kickdyn.plane import Plane

@@ -12,10 +12,9 @@ from kickdyn.ball import BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
-from kickdyn.impact.batch_arguments import ContactRows
 from kickdyn.impact.collide import Collision
 from kickdyn.impact.laws import LAWS
-from kickdyn.impact.strike_many import Strikes, StrikeStatus
+from kickdyn.impact.strike_many import ContactRows, Strikes, StrikeStatus
 from kickdyn.impact.uncertainty import source_covariance
 from kickdyn.scene.launch_and_end import STATUSES_WITH_END, collide_scene, strike_scene
 from kickdyn.scene.scene import Scene

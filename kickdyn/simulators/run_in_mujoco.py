@@ -19,7 +19,7 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course, follow
 from kickdyn.identification.track import Track
-from kickdyn.impact.collide import CONTACT_TIME
+from kickdyn.impact.force_model import CONTACT_TIME
 from kickdyn.plane import Plane
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.robot.mjcf_file import quiet_mujoco

@@ -15,8 +15,7 @@ from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, find_approach
-from kickdyn.impact.collide import CONTACT_TIME
-from kickdyn.impact.force_model import LONGEST_CONTACT
+from kickdyn.impact.force_model import CONTACT_TIME, LONGEST_CONTACT
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Posture
 from kickdyn.simulators.mujoco_fit import (

@@ -6,6 +6,7 @@ along the normal or across it, one much lighter than the ball, an inertia that h
 is marked as doubtful. What differs between legs are arrays, so that one kernel serves every leg.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,29 +21,38 @@ from kickdyn.core.lanes import (
     batches,
     blank_records,
     choose,
+    inlined,
     jitable,
+    larger,
     magnitude,
     namespaces,
     spread,
     square_root,
 )
 from kickdyn.core.validation import Array
-from kickdyn.impact import contact_motion, newton_law
-from kickdyn.impact.contact_motion import contact_axes
+from kickdyn.impact import contact_motion, newton_law, strike_kernel
+from kickdyn.impact.contact_motion import contact_axes, slip_direction
+from kickdyn.impact.strike_kernel import slip_of_lane, solve_newton_batch, with_ball
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.tree_kernel import (
     BODY,
+    D11,
+    D12,
+    D13,
+    D22,
+    D23,
     D33,
     JOINT,
     STATE,
-    hinges_and_slides,
-    joint_tree,
+    cross,
+    dot,
+    vector,
 )
-from kickdyn.sweeps import kernel_impact, sweep_kick
+from kickdyn.sweeps import sweep_kick
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.sweep_kick import Kick
+from kickdyn.sweeps.sweep_kick import ROUNDING, UNLIMITED, Kick
 
 TANGENT, ACROSS, NORMAL, MOBILITY, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
 """Rows of an answer: impulse on the ball along the contact's axes [N s], n^T J M^-1 J^T n [1/kg],
@@ -51,17 +61,11 @@ in a joint [N s], residuals of restitution and momentum. The impulse alone fills
 
 ROWS = 10
 
-AXIS = np.dtype(
-    [
-        ("joint", np.int64),
-        ("first", np.int64),  # row of its first value in the table of all values
-        ("steps", np.int64),  # number of values
-        ("repeats", np.int64),  # how many postures in a row share a value: 1, or at least `BATCH`
-        ("number", np.int64),  # of the present value
-        ("done", np.int64),  # how many postures have had the present value
-    ]
-)
-"""An axis of the grid, and where the kernel is on it."""
+LEAST_DIFFERENCE = 1e-3
+"""Share that a difference must keep of its terms, or the posture is doubtful."""
+
+LEAST_SQUARE = 1e-6
+"""Share that the square of a direction must keep as it is made orthogonal to others."""
 
 PARALLEL = 1e-12
 """Sine of the angle below which axes count as parallel."""
@@ -114,13 +118,13 @@ class KernelModel:
         It serves no floating base, no supports, no loops and no helical joints, and no base that
         moves across the plane of planar motion.
         """
-        joints = hinges_and_slides(leg)
+        joints = tree_kernel.hinges_and_slides(leg)
         if joints is None:
             return None
         normal = _plane_normal(joints.world_axes, joints.slides, kick.direction)
         sliding = np.zeros(3) if normal is None else np.cross(normal, kick.direction)
         axes, task, ball = contact_axes(kick.direction, sliding), np.zeros(1, TASK), kick.ball
-        tree, frames, senses = joint_tree(leg, joints, axes)
+        tree, frames, senses = tree_kernel.joint_tree(leg, joints, axes)
         task["foot"], task["planar"] = leg.contact_joint, normal is not None
         task["lever"] = frames[leg.contact_joint].T @ leg.contact_lever
         task["normal_mobility"] = 1.0 / ball.mass
@@ -159,67 +163,64 @@ class Kernel:
 
     def __init__(self, model: KernelModel, leg: Leg, grid: Grid, *, machine_code: bool) -> None:
         self._kernel = KERNEL() if machine_code else None
-        self._model, self._grid = model, grid
-        joints = [1 + leg.joint_names.index(name) for name in grid.axes]
-        axes = np.zeros(len(joints), AXIS)
-        axes["joint"], axes["steps"] = joints, [len(values) for values in grid.axes.values()]
-        axes["repeats"] = np.append(np.cumprod(grid.shape[:0:-1])[::-1], 1)  # 1 of a list
-        tables = [self._motion(k, q) for k, q in zip(joints, grid.axes.values(), strict=True)]
-        for a in np.flatnonzero(axes["repeats"] < BATCH):  # one row per posture, as far as needed
-            table = np.repeat(tables[a], axes["repeats"][a], axis=0)
-            axes["steps"][a], axes["repeats"][a] = len(table), 1
-            tables[a] = np.resize(table, (len(table) + BATCH, 2))
-        lengths = np.array([len(table) for table in tables])
-        axes["first"] = np.cumsum(lengths) - lengths
-        self._axes, self._table = axes, np.ascontiguousarray(np.concatenate(tables).T)
+        self._model = model
+        self._joints = np.array([1 + leg.joint_names.index(name) for name in grid.axes])
+        # how many postures in a row share a value of each joint
+        repeats = np.append(np.cumprod(grid.shape[:0:-1], dtype=np.int64)[::-1], 1)
+        self._repeats = np.broadcast_to(repeats, len(grid.axes)).tolist()
+        self._tables = [
+            self._motion(k, q) for k, q in zip(self._joints, grid.axes.values(), strict=True)
+        ]
 
     def __call__(self, first: int, count: int, *, joint_impulses: bool = True) -> Array:
         """Return the answers of `count` postures from number `first` on, shape `(ROWS, count)`.
 
         Rows are as above. Without `joint_impulses`, the first five rows are computed.
         """
-        if self._kernel is None:
-            return self._in_python(first, count, joint_impulses=joint_impulses)
-        answer = np.empty((ROWS, -(-count // BATCH), BATCH))
-        axes, task = self._axes.copy(), self._model.task.copy()
-        axes["number"] = first // axes["repeats"] % axes["steps"]
-        axes["done"] = first % axes["repeats"]
+        model, n = self._model, len(self._model.tree)
+        task, still = model.task.copy(), ~model.tree["slides"][:, None]  # other joints are at 0
         task["joint_impulses"] = joint_impulses
-        self._kernel(axes, self._table, self._model.tree, task, *self._memory(), answer)
-        return answer.reshape(ROWS, -1)[:, :count]
-
-    def _in_python(self, first: int, count: int, *, joint_impulses: bool) -> Array:
-        """Return the result of a call, by the same functions on arrays of all postures."""
-        model, numbers = self._model, np.arange(first, first + count)
-        n = len(model.tree)
-        bodies, (state,) = blank_records(BODY, n, count), blank_records(STATE, 1, count)
-        for k in range(1, n):
-            bodies[k].cosine[:] = not model.tree["slides"][k]
-        for axis in self._axes:
-            number = numbers // axis["repeats"] % axis["steps"] + axis["first"]
-            body = bodies[axis["joint"]]
-            body.cosine, body.sine = self._table[:, number]
-        tree, (task,) = namespaces(model.tree), namespaces(model.task)
-        task.joint_impulses = joint_impulses
-        answer = np.empty((ROWS, 1, count))
+        padded = -(-count // BATCH) * BATCH
+        motion = np.empty((len(self._joints), 2, padded))
+        for row, table, repeats in zip(motion, self._tables, self._repeats, strict=True):
+            begin, end, steps = first // repeats, -(-(first + count) // repeats), table.shape[1]
+            offset = begin % steps
+            rounds = 1 + (offset + end - begin - 1) // steps
+            values = np.tile(table, rounds) if rounds > 1 else table
+            values = values[:, offset : offset + end - begin]
+            if repeats > 1:
+                ends = np.clip(repeats * np.arange(begin, end), first, first + count)
+                values = values.repeat(np.diff(ends, append=first + count), axis=1)
+            row[:, :count] = values
+        motion[..., count:] = motion[..., count - 1 : count]
+        answer = np.empty((ROWS, padded // BATCH, BATCH))
+        if self._kernel is not None:
+            bodies, state = aligned_zeros((n,), BODY), aligned_zeros((1,), STATE)
+            bodies["cosine"] = still
+            inertia = aligned_zeros((n, n, BATCH))
+            given = motion.reshape(*motion.shape[:2], -1, BATCH)
+            self._kernel(self._joints, given, model.tree, task, bodies, inertia, state, answer)
+            return answer.reshape(ROWS, -1)[:, :count]
+        # the same functions on arrays of all postures
+        places, (of_batch,) = blank_records(BODY, n, padded), blank_records(STATE, 1, padded)
+        for body, fixed in zip(places, still, strict=True):
+            body.cosine[:] = fixed
+        for joint, row in zip(self._joints, motion, strict=True):
+            places[joint].cosine, places[joint].sine = row
+        tree, (of_kick,) = namespaces(model.tree), namespaces(task)
+        answer = answer.reshape(ROWS, 1, padded)
         with np.errstate(all="ignore"):  # of doubtful postures
-            solve_postures(tree, bodies, np.zeros((n, n, count)), task, state, state, answer, 0)
-        return answer.reshape(ROWS, count)
+            solve_postures(
+                tree, places, np.zeros((n, n, padded)), of_kick, of_batch, of_batch, answer, 0
+            )  # fmt: skip
+        return answer[:, 0, :count]
 
     def _motion(self, k: int, values: Array) -> Array:
         """Return cosine and sine of a joint's values for the kernel, or a slide and 0."""
         signed = self._model.senses[k] * values
         if self._model.tree["slides"][k]:
-            return np.column_stack([signed, np.zeros(len(values))])
-        return np.column_stack([np.cos(signed), np.sin(signed)])
-
-    def _memory(self) -> tuple[NDArray[Any], ...]:
-        """Return the memory that a call of the kernel works in, joints at 0."""
-        n = len(self._model.tree)
-        bodies, state = aligned_zeros((n,), BODY), aligned_zeros((1,), STATE)
-        bodies["cosine"] = ~self._model.tree["slides"][:, None]
-        state["number"] = np.arange(BATCH)
-        return bodies, aligned_zeros((n, n, BATCH)), state
+            return np.vstack([signed, np.zeros(len(values))])
+        return np.vstack([np.cos(signed), np.sin(signed)])
 
 
 def fill_variables(
@@ -262,22 +263,29 @@ def fill_variables(
 def solve_postures(tree, bodies, inertia, task, state, floats, answer, c):  # type: ignore[no-untyped-def]
     """Fill in batch c of the answers, given cosine and sine of all joints.
 
-    The arguments are described in `kernel_impact`; `floats` has the fields of `state` as floats.
+    `inertia` is the joint-space inertia, its lower triangle, shape `(n + 1, n + 1)`; `floats` has
+    the fields of `state` as floats.
     """
     state.doubt = spread(0.0)
     tree_kernel.place_bodies(tree, bodies)
     tree_kernel.joint_space_inertia(tree, bodies, inertia)
     tree_kernel.contact_jacobian(tree, bodies, task, task.lever, state)
     if task.joint_impulses:  # before the Jacobian is whitened
-        kernel_impact.least_speed_use(tree, bodies, task, state)
+        least_speed_use(tree, bodies, task, state)
     tree_kernel.factorize(tree, inertia, state)
     tree_kernel.whiten(tree, bodies, inertia, task)
     tree_kernel.delassus_matrix(tree, bodies, inertia, state)
-    kernel_impact.solve_impact(task, state)
+    ball, u = (task.tangent_mobility, task.normal_mobility), (0.0, 0.0, -task.speed)
+    contact = task.restitution, task.friction
+    solve_newton_batch(state, ball, u, contact, LEAST_DIFFERENCE)
     if not task.planar:
-        kernel_impact.solve_slip(task, floats)
+        for i in range(floats.slips.size):
+            if floats.slips[i] > 0.0:  # one direction is possible
+                g, mu = with_ball(floats.delassus[:, i], ball), task.friction
+                x, y, _ = slip_direction(mu * g[0], mu * g[1], mu * g[2], g[3], g[4])
+                slip_of_lane(floats, g, u, contact, ((x, y),), i)
     if task.joint_impulses:
-        kernel_impact.doubt_singular(task, state)
+        doubt_singular(task, state)
         tree_kernel.solve_velocity(tree, bodies, inertia, state)
         tree_kernel.joint_impulses(tree, bodies, task, state)
         write_joint_impulses(task, state, answer, c)
@@ -286,45 +294,120 @@ def solve_postures(tree, bodies, inertia, task, state, floats, answer, c):  # ty
     answer[DOUBT, c] = state.doubt
 
 
-def _sweep(axes, table, tree, task, bodies, inertia, state, answer):  # type: ignore[no-untyped-def]
-    """Fill in the answers of consecutive postures, `BATCH` at a time.
+@jitable
+def doubt_singular(task, state):  # type: ignore[no-untyped-def]
+    """Mark postures whose foot can hardly move along the normal alone, or across it."""
+    delassus = state.delassus
+    d11, d12, d22 = delassus[D11], delassus[D12], delassus[D22]
+    d13, d23, d33 = delassus[D13], delassus[D23], delassus[D33]
+    square, sound = d33 - d13 / d11 * d13, d11 > LEAST_SQUARE * d33
+    if not task.planar:
+        ratio = d12 / d11
+        h22, h23 = d22 - ratio * d12, d23 - ratio * d13
+        square = square - h23 / h22 * h23
+        sound = sound & (d22 > LEAST_SQUARE * d33) & (h22 > LEAST_SQUARE * d22)
+    sound = sound & (square > LEAST_SQUARE * larger(larger(d11, d22), d33))
+    state.doubt = choose(sound, state.doubt, 1.0)
 
-    `axes` are the axes of the grid, dtype `AXIS`, and `table` has cosine and sine of all their
-    values in two rows. `bodies`, `inertia` and `state` are memory of the caller's, because code
-    that allocates none compiles in three quarters of the time. Here `task` and `state` have shape
-    `(1,)`.
-    """
-    task, floats = task[0], state[0]
-    bodies, inertia, state = batches(bodies), batches(inertia), batches(state)[0]
-    answer = batches(answer)
-    for c in range(answer.shape[1]):
-        for a in range(len(axes)):
-            move_joint(axes[a], table, bodies[axes[a].joint], state.number)
-        solve_postures(tree, bodies, inertia, task, state, floats, answer, c)
+
+PARALLEL_SQUARE, ASKEW = ROUNDING**2, 1e-8
+"""Squared sine of two columns up to which they count as parallel, and from which on their cross
+product has digits enough; between them a posture is doubtful."""
 
 
 @jitable
-def move_joint(axis, table, body, number):  # type: ignore[no-untyped-def]
-    """Fill in the motion of the joint of an axis for a batch of postures; move the axis on.
+def least_speed_use(tree, bodies, task, state):  # type: ignore[no-untyped-def]
+    r"""Fill in the least possible value of the largest joint speed over its limit.
 
-    Where `repeats` is 1, the values go on beyond `steps` from the beginning; else a batch has two
-    values at most. `number` counts the postures of a batch.
+    `sweep_kick.slowest_joint_velocity` solves the linear programme
+    :math:`\min \max_i |v_i| / l_i` under :math:`J v = w` for one posture. Its dual is
+
+    .. math:: \max_y \frac{w \cdot y}{\sum_i l_i |a_i \cdot y|}
+
+    with :math:`a_i` the columns of :math:`J` and w the foot's velocity less what a base that moves
+    gives it. The maximum lies at a :math:`y` that is orthogonal to
+    as many columns as fix it, two in space and one in a plane, so that all candidates can be tried
+    (Boyd and Vandenberghe, Convex Optimization, 2004, chapter 5). A call of `linprog` takes a
+    millisecond.
     """
-    begin, done = axis.first + axis.number, axis.done + BATCH
-    if axis.repeats == 1:
-        body.cosine = batches(table[0, begin : begin + BATCH])[()]
-        body.sine = batches(table[1, begin : begin + BATCH])[()]
-        axis.number = (axis.number + BATCH) % axis.steps
-        return
-    following = axis.number + 1
-    following = 0 if following == axis.steps else following
-    changed = number >= float(axis.repeats - axis.done)
-    end = axis.first + following
-    body.cosine = choose(changed, table[0, end], table[0, begin])
-    body.sine = choose(changed, table[1, end], table[1, begin])
-    axis.done = done
-    if done >= axis.repeats:
-        axis.number, axis.done = following, done - axis.repeats
+    turned = cross(task.base_turn, vector(state.from_base))
+    for i in range(3):
+        state.needed[i] = (task.speed if i == 2 else 0.0) - (task.base_velocity[i] + turned[i])
+    movers, limited, least = 0, 0, math.inf
+    for k in range(1, len(tree)):
+        if tree[k].carries_foot and tree[k].speed_limit > 0.0:
+            movers += 1
+            limited += 1 if tree[k].speed_limit <= UNLIMITED else 0
+            least = min(least, tree[k].speed_limit)
+    state.speed_use = 0.0
+    if limited > 0:
+        for j in range(1, len(tree)):
+            if not tree[j].carries_foot:
+                continue
+            if task.planar:
+                column = bodies[j].jacobian
+                y = -column[2], spread(0.0), spread(0.0) + column[0]
+                _raise_speed_use(tree, bodies, state, least, y)
+                continue
+            for k in range(j + 1, len(tree)):
+                if tree[k].carries_foot:
+                    y = _orthogonal(bodies[j].jacobian, bodies[k].jacobian, state)
+                    _raise_speed_use(tree, bodies, state, least, y)
+    if movers < (2 if task.planar else 3):
+        state.doubt = 1.0
+    # from there on, the foot can hardly move so
+    state.doubt = choose(state.speed_use < 1e9, state.doubt, 1.0)
+
+
+@inlined
+def _orthogonal(a, b, state):  # type: ignore[no-untyped-def]
+    """Return the vector product of two columns, 0 where they are parallel."""
+    x, y, z = across = cross(a, b)
+    sine_square = dot(across, across) / (dot(a, a) * dot(b, b))
+    doubtful = (sine_square > PARALLEL_SQUARE) & (sine_square < ASKEW)
+    state.doubt = choose(doubtful, 1.0, state.doubt)
+    askew = choose(sine_square >= ASKEW, 1.0, 0.0)
+    return askew * x, askew * y, askew * z
+
+
+@jitable
+def _raise_speed_use(tree, bodies, state, least, y):  # type: ignore[no-untyped-def]
+    r"""Raise the speed use to the value of a candidate :math:`y`, if that is larger.
+
+    w is the velocity that the joints must give the contact point, and `least` the smallest speed
+    limit above 0.
+    """
+    capacity = spread(0.0)
+    for k in range(1, len(tree)):
+        limit, a = tree[k].speed_limit, bodies[k].jacobian
+        if not tree[k].carries_foot or limit == 0.0:
+            continue
+        along = magnitude(dot(a, y))
+        if limit > 1e3 * least:  # its product with a rounding error may count beside other joints
+            limit = limit if limit <= UNLIMITED else math.inf
+            moves = along > ROUNDING * square_root(dot(a, a) * dot(y, y))
+            capacity += choose(moves, limit * along, 0.0)
+        else:
+            capacity += limit * along
+    gain = magnitude(dot(state.needed, y))
+    state.speed_use = larger(state.speed_use, choose(gain > 0.0, gain / capacity, 0.0))
+
+
+def _sweep(joints, motion, tree, task, bodies, inertia, state, answer):  # type: ignore[no-untyped-def]
+    """Fill in the answers of postures, `BATCH` at a time.
+
+    `motion` has cosine and sine of `joints`, `(k, 2, batches, BATCH)`. `bodies`, `inertia` and
+    `state` are memory of the caller's, because code that allocates none compiles in three quarters
+    of the time. Here `task` and `state` have shape `(1,)`.
+    """
+    task, floats = task[0], state[0]
+    bodies, inertia, state = batches(bodies), batches(inertia), batches(state)[0]
+    answer, motion = batches(answer), batches(motion)
+    for c in range(answer.shape[1]):
+        for a in range(len(joints)):
+            body = bodies[joints[a]]
+            body.cosine, body.sine = motion[a, 0, c], motion[a, 1, c]
+        solve_postures(tree, bodies, inertia, task, state, floats, answer, c)
 
 
 @jitable
@@ -340,18 +423,17 @@ def write_joint_impulses(task, state, answer, c):  # type: ignore[no-untyped-def
     answer[MOMENTUM, c] = state.momentum_error / (square_root(state.jacobian_square) * size)
 
 
-named(_sweep, "sweep", lanes, tree_kernel, contact_motion, newton_law, kernel_impact, sweep_kick)
+named(_sweep, "sweep", lanes, tree_kernel, contact_motion, newton_law, strike_kernel, sweep_kick)
 
 
 def _source() -> Source:
     import numba  # here, because it takes long to import
 
     typeof: Any = numba.typeof
-    axes, tree, task, bodies, state = (
-        typeof(np.zeros(1, dtype)) for dtype in (AXIS, JOINT, TASK, BODY, STATE)
-    )
-    matrix, cube = numba.float64[:, ::1], numba.float64[:, :, ::1]
-    signature = numba.void(axes, matrix, tree, task, bodies, cube, state, cube)
+    tree, task, bodies, state = (typeof(np.zeros(1, dtype)) for dtype in (JOINT, TASK, BODY, STATE))
+    cube, motion = numba.float64[:, :, ::1], numba.float64[:, :, :, ::1]
+    joints = numba.int64[::1]
+    signature = numba.void(joints, motion, tree, task, bodies, cube, state, cube)
     return Source(_sweep, signature, OPTIONS)
 
 

@@ -10,7 +10,7 @@ from extremes.extreme_impacts import BENT, USUAL, chain
 from tolerances import closed_form
 
 import kickdyn as kd
-from kickdyn.impact.pinocchio_engine import strike_by_pinocchio
+from kickdyn.impact.strike import strike_by_pinocchio
 
 LEG = kd.Leg.human()
 Q = np.radians([5.0, 10.0, -5.0])

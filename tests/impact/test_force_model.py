@@ -20,7 +20,7 @@ from kickdyn.impact.force_model import (
     ForceModel,
     InflatedForce,
     contact_stiffness,
-    contact_time_of,
+    spring_time,
 )
 from kickdyn.impact.patch_contact import FootPatch
 from kickdyn.restitution import SHELL_RESTITUTION
@@ -36,10 +36,10 @@ def test_contact_times_and_stiffness_by_closed_forms(e):
     crush = (5 * m * speed**2 / (4 * k)) ** 0.4
     hertz = 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9) * crush / speed
     assert hertz == pytest.approx(2.9432 * crush / speed, rel=1e-4)  # digits
-    time = contact_time_of(ForceModel(k, e), m, speed)
+    time = spring_time(k, e, HERTZ, m, speed)
     assert time == pytest.approx((1 + e) / 2 * hertz, rel=closed_form())
     assert contact_stiffness(time, m, speed, e) == pytest.approx(k, rel=closed_form())
-    linear = contact_time_of(ForceModel(5e4, e, LINEAR), m, speed)
+    linear = spring_time(5e4, e, LINEAR, m, speed)
     assert linear == pytest.approx((1 + e) / 2 * math.pi * math.sqrt(m / 5e4), rel=closed_form())
 
 

@@ -8,7 +8,7 @@ from tolerances import agrees, closed_form
 
 import kickdyn as kd
 from kickdyn.impact.leg_response import NO_CONSTRAINTS, response_to_jump
-from kickdyn.impact.pinocchio_engine import strike_by_pinocchio
+from kickdyn.impact.strike import strike_by_pinocchio
 from kickdyn.robot.catalog import ROBOTS
 
 FREE = {

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tolerances import agrees, closed_form, differenced, optimized
 
 import kickdyn as kd
-from kickdyn.impact.pinocchio_engine import strike_by_pinocchio
+from kickdyn.impact.strike import strike_by_pinocchio
 from kickdyn.robot.urdf_file import shipped_urdf
 
 G1 = kd.Leg.from_robot("g1", base="floating")

@@ -7,10 +7,12 @@ from extremes.extreme_impacts import chain
 from tolerances import closed_form
 
 import kickdyn as kd
+from kickdyn.flight.batch import fly_many
 from kickdyn.sweeps import chunk_solver
-from kickdyn.sweeps.chunk_solver import ChunkSolver
+from kickdyn.sweeps.chunk_solver import CarryTable, ChunkSolver, launches
 from kickdyn.sweeps.dataset import VARIABLES, variables_of
 from kickdyn.sweeps.grid import Grid
+from kickdyn.sweeps.kernel import KernelModel
 from kickdyn.sweeps.sweep_kick import Kick, kick_from
 
 CARRY = list(VARIABLES).index("carry")
@@ -60,3 +62,30 @@ def test_interpolation_changes_carries_only_and_within_the_tolerance():
     difference = np.abs(solved(LEG, grid, kick)[0] - solved(LEG, grid, kick, 1e-5)[0]).max(axis=1)
     assert 0 < difference[CARRY] <= 1e-5
     assert not np.delete(difference, CARRY).any()
+
+
+@pytest.mark.parametrize(("speed", "attack", "friction", "tolerance"), [
+    (1.0, 30.0, 0.4, 1e-8), (12.0, 30.0, 0.4, 1e-6), (18.0, 10.0, 0.4, 1e-4),
+    (9.0, 0.0, 0.2, 1e-6)])  # fmt: skip
+def test_carries_are_within_their_tolerance(speed, attack, friction, tolerance):
+    kick = Kick(speed=speed, attack=np.radians(attack), friction=friction)
+    model, draw, n = KernelModel.of(LEG, kick), np.random.default_rng(3), 2000
+    normal = 1.8 * speed * kick.ball.mass * draw.uniform(0, 1, n)  # (1 + e) m v
+    tangent = friction * normal * draw.uniform(-1, 1, n)
+    carry = np.full(n, np.nan)
+    to_fly = CarryTable(model, tolerance)(normal, tangent, carry)
+    balls = launches(model, np.column_stack([tangent, np.zeros(n), normal]))
+    flown = fly_many(balls, kick.ball, kick.air, tol=1e-11).range.values
+    assert to_fly.mean() < 0.01
+    assert np.abs(carry - flown)[~to_fly].max() <= tolerance
+    assert np.isnan(carry[to_fly]).all()
+
+
+def test_impulses_outside_the_table_are_to_be_flown():
+    """Above (1 + e) m v, beyond the friction, 0, or not finite."""
+    kick = Kick(speed=3.0)
+    most = 1.8 * 3.0 * kick.ball.mass
+    normal = np.array([0.99 * most, 1.01 * most, 0.5 * most, 0.5 * most, 0.0, np.nan])
+    tangent = np.array([0.0, 0.0, 0.39, 0.41, 0.0, 0.0]) * 0.5 * most
+    to_fly = CarryTable(KernelModel.of(LEG, kick), 1e-3)(normal, tangent, np.full(6, np.nan))
+    assert to_fly.tolist() == [False, True, False, True, True, True]

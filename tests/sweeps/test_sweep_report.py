@@ -12,7 +12,8 @@ from tolerances import closed_form, optimized
 import kickdyn as kd
 from kickdyn.sweeps import sweep_report
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.summary import summarize
+from kickdyn.sweeps.queries import pareto_front, summarize
+from kickdyn.sweeps.sweep_report import extreme_lines, sweep_figure
 
 LEG, KICK = kd.Leg.human(), kd.Kick()
 POSTURES = {"hip": [0.0, 0.2, 0.4], "knee": [0.2, 0.6], "ankle": [-0.2, 0.2]}
@@ -156,3 +157,49 @@ def test_the_text_counts_postures_and_joints_and_names_a_steep_normal(attack, ov
     assert ("contact_normal_cone" in lines[0].explanation) is overlaps
     none = summarize(data, "right_knee_joint > 90")
     assert "No posture is ok where right_knee_joint > 90." in sweep_report.text(none, [])
+
+
+PLOTTED = kd.Kick(speed=2.5, attack=0.3, restitution=0.61, friction=0.2)
+PLOT_GRID = Grid.of(
+    LEG, {"hip": [0.0, 0.2, 0.4, 0.6], "knee": [0.0, 0.3], "ankle": [0.0, 0.2, 0.4]}
+)
+
+
+@pytest.fixture(scope="module")
+def small_sweep():
+    return kd.sweep(LEG, PLOT_GRID.axes, PLOTTED)
+
+
+def test_maps_show_the_best_over_the_other_joints(small_sweep):
+    summary = summarize(small_sweep)
+    lines = extreme_lines(LEG, PLOT_GRID, PLOTTED, summary)
+    panels = sweep_figure(summary, lines).axes
+    for panel, names, other in zip(panels, (("hip", "knee"), ("hip", "ankle"), ("knee", "ankle")),
+                                   ("ankle", "knee", "hip"), strict=False):  # fmt: skip
+        mesh = panel.collections[0]
+        right = small_sweep.speed_ratio.max(other).transpose(*reversed(names)).values
+        assert np.asarray(mesh.get_array()).ravel() == pytest.approx(right.ravel())
+        assert (panel.get_xlabel(), panel.get_ylabel()) == tuple(f"{n} [deg]" for n in names)
+        assert other in panel.get_title()
+    front, *marks = panels[3].lines
+    for line, mark in zip(lines, marks, strict=True):
+        place = float(mark.get_xdata()[0]), float(mark.get_ydata()[0])
+        assert place == (line.values["worst_joint_impulse"], line.values["speed_ratio"])
+    dots = panels[3].collections[0]
+    shown = np.column_stack([np.asarray(dots.get_offsets()), np.asarray(dots.get_array()) / 100])
+    names = ("worst_joint_impulse", "speed_ratio", "speed_use")
+    values = np.column_stack([small_sweep[name].values.ravel() for name in names])
+    ordered = [rows[np.lexsort(rows.round(9).T)] for rows in (shown, values)]
+    assert ordered[0] == pytest.approx(ordered[1])
+    best = pareto_front(small_sweep)
+    unbeaten = best.worst_joint_impulse.values[::-1], best.ball_speed.values[::-1] / PLOTTED.speed
+    assert np.array(front.get_data()) == pytest.approx(np.array(unbeaten))
+    assert [panel.collections[0].get_clim()[1] for panel in panels[:3]] == (
+        [pytest.approx(small_sweep.speed_ratio.values.max())] * 3)  # fmt: skip
+
+
+def test_one_joint_is_a_curve():
+    small_sweep = kd.sweep(LEG, {"knee": np.radians([0.0, 10.0, 30.0])}, PLOTTED)
+    (curve,) = sweep_figure(summarize(small_sweep)).axes[0].lines
+    assert curve.get_xdata() == pytest.approx([0, 10, 30])
+    assert curve.get_ydata() == pytest.approx(small_sweep.speed_ratio.values)

@@ -6,8 +6,7 @@ import pytest
 from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
-from kickdyn.impact.body import BallBody, Body
-from kickdyn.impact.contact_problem import ContactPoint, ContactProblem
+from kickdyn.impact.contact_problem import BallBody, Body, ContactPoint, ContactProblem
 from kickdyn.impact.laws import LAWS, solve_contacts
 
 NEWTON = LAWS["newton"]

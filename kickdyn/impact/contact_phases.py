@@ -1,0 +1,361 @@
+"""Phases of a contact and the control of its steps, with floats alone.
+
+A single contact runs these functions as they are, machine code for each lane of a batch.
+
+The forces are smooth in every phase: one ends if compression does (end 0), or restitution at
+separation (end 0) or where the deflection outgrows the largest one before (end 1), and where the
+friction changes its kind (end 2). A step that a phase ends in is taken anew, by a secant, until it
+ends just after that.
+"""
+
+# mypy: disable-error-code="no-untyped-def, no-untyped-call"
+
+import math
+from typing import Any
+
+import numpy as np
+
+from kickdyn.core.dop853 import STAGES
+from kickdyn.core.lanes import BATCH, inlined
+from kickdyn.impact.contact_motion import (
+    slides,
+    slip_direction,
+    slip_end,
+    slipping_force,
+    sticking_force,
+)
+
+STARTING = 1e-5
+"""Sliding speed, relative to the approach speed, up to which points that begin to slide count as
+`STARTS`: their direction of sliding changes faster than an explicit integrator follows."""
+
+RESTING = 10.0
+"""Sliding speed up to which points are at rest, relative to the approach speed times the tolerance
+of the integrator."""
+
+STABILIZATION_RATE = 10.0
+"""Rate at which errors of supports, loops and sticking decay, over the expected contact time."""
+
+MAX_EVALUATIONS = 60_000
+"""Evaluations of the equations of motion of one contact; ordinary contacts take some hundreds."""
+
+MAX_CONTACT_TIMES = 50.0
+"""Expected contact times after which foot and ball count as not separating."""
+
+FIRST_STEP = 3.0
+"""First step over the expected contact time, per tolerance of the integrator to the power 2/7: the
+error that a step leaves where the force begins as the deflection to the power 3/2."""
+
+BEYOND_END = 1.02
+"""Longest step over the time to separation at the present speed: the force ends there at once."""
+
+BRIEF = 0.02, 1e-4
+"""Time in which points come to rest, relative to the expected contact time, that one step may go
+beyond: where they slide straight, and where they turn, which takes ever shorter steps."""
+
+SLIPS, STICKS, STARTS = 0.0, 1.0, 2.0
+"""Kinds of friction: points slide, and friction opposes the sliding; friction stops them; they are
+about to slide, and friction opposes the direction in which the sliding grows."""
+
+LANE = np.dtype(
+    [
+        ("axes", float, (9, BATCH)),  # tangents and normal in the frame of the foot's joint
+        ("arm", float, (3, BATCH)),  # from that joint to the contact point, along the axes [m]
+        ("centre", float, (3, BATCH)),  # of the ball at first contact, from the first joint [m]
+        ("inverse_mass", float, BATCH),  # of the ball [1/kg]
+        ("inverse_inertia", float, BATCH),  # of the ball [1/(kg m2)]
+        ("radius", float, BATCH),  # [m]
+        ("friction", float, BATCH),
+        ("stiffness", float, BATCH),  # of the spring [N/m^n]
+        ("share", float, BATCH),  # square of the restitution
+        ("exponent", float, BATCH),  # n
+        ("rate", float, BATCH),  # at which the sliding of points that stick decays [1/s]
+        ("resting", float, BATCH),  # speed of points at rest [m/s]
+        ("speed", float, BATCH),  # of the approach [m/s]
+        ("expected", float, BATCH),  # contact time of the two masses alone [s]
+        ("first_step", float, BATCH),  # [s]
+        ("energy", float, BATCH),  # of the approach [J]
+        ("spin", float, BATCH),  # scale of the ball's spin [rad/s]
+        ("kind", float, BATCH),  # of friction
+        ("along", float, (2, BATCH)),  # direction of the sliding as the phase begins
+        ("largest", float, BATCH),  # deflection so far, 0 while it grows [m]
+        ("height", float, BATCH),  # of the ball's centre over the plane of the foot [m]
+        ("sliding", float, (3, BATCH)),  # velocity of the ball over the foot [m/s]
+        ("free", float, (2, BATCH)),  # its derivative without forces or joints that accelerate
+        ("pushed", float, (2, BATCH)),  # acceleration of the contact point without contact
+        ("force", float, (3, BATCH)),  # on the ball [N]
+        ("lost", float, BATCH),  # power [W]
+        ("deflection", float, BATCH),  # [m]
+        ("ends", float, (3, BATCH)),  # values that fall to 0 at the ends of the phase
+        ("reserve", float, BATCH),  # largest friction, less the one that stops the points [N]
+        ("most", float, BATCH),  # largest friction [N]
+        ("rest", float, BATCH),  # longest step of points that come to rest [s]
+        ("time", float, BATCH),  # since first contact [s]
+        ("step", float, BATCH),  # [s]
+        ("whole", float, BATCH),  # last step that no phase ended in [s]
+        ("before", float, BATCH),  # energy at first contact [J]
+        ("low", float, BATCH),  # a bracket of the step to the end of a phase [s],
+        ("low_value", float, BATCH),  # with the values there
+        ("high", float, BATCH),
+        ("high_value", float, BATCH),
+        ("which", float, BATCH),  # end that the bracket has
+        ("rejected", float, BATCH),  # 1 after a rejected step
+        ("calls", float, BATCH),  # evaluations
+        ("begin", float, (3, BATCH)),  # `ends` at the beginning of the step
+    ]
+)
+"""A contact: its constants, its forces at the last evaluation, and the state of its integration."""
+
+LANE_NAMES: tuple[str, ...] = LANE.names or ()
+
+GIVEN: tuple[str, ...] = LANE_NAMES[: LANE_NAMES.index("largest")]
+"""Fields of a lane that do not begin at 0."""
+
+TAKEN, AGAIN, FAILED, THROUGH = -1, -2, -3, -4
+"""Outcomes of a step: it is taken, or to be taken anew; the integration failed, or the foot reaches
+the centre of the ball. Others are the number of the end of the phase, plus `AT_BEGINNING` if the
+phase has ended at the beginning of the step, which is then not taken."""
+
+AT_BEGINNING = 10
+
+
+def set_lanes(
+    lane: Any, speed: Any, mass: Any, sliding: Any, spring: tuple[Any, float, Any, Any],
+    spin: Any, tol: float,
+) -> None:  # fmt: skip
+    """Fill in the constants of contacts that follow from the motion at first contact.
+
+    Args:
+        lane: fields of `LANE`, arrays of n; with radius and friction.
+        speed: of the approach [m/s].
+        mass: reduced, of leg and ball along the normal [kg].
+        sliding: along both tangents, shape `(2, n)` [m/s].
+        spring: stiffness [N/m^n], exponent, restitution and expected contact time [s].
+        spin: largest component of the spin of the ball [rad/s].
+        tol: tolerance of the integrator.
+    """
+    stiffness, exponent, restitution, time = spring
+    lane.stiffness[:], lane.exponent[:], lane.share[:] = stiffness, exponent, restitution**2
+    lane.rate[:], lane.expected[:], lane.speed[:] = STABILIZATION_RATE / time, time, speed
+    lane.resting[:], lane.energy[:] = RESTING * tol * speed, 0.5 * mass * speed * speed
+    lane.first_step[:] = lane.step[:] = time * min(FIRST_STEP * tol ** (2 / 7), 0.3)
+    lane.spin[:] = np.where(spin > 0.0, spin, speed / lane.radius)
+    size = np.hypot(*sliding)
+    slips = size > 2.0 * lane.resting
+    lane.kind[:] = np.where(slips, SLIPS, STARTS)
+    lane.along[:] = np.where(slips, sliding / np.where(slips, size, 1.0), 0.0)
+
+
+@inlined
+def friction_force(lane, i, size, mobility, free):
+    """Return Coulomb's friction on the ball under a normal force [N]; fill in what ends its kind.
+
+    Args:
+        lane: fields of `LANE`.
+        i: number of the contact.
+        size: normal force [N].
+        mobility: as for `sticking_force`.
+        free: acceleration of the sliding without friction [m/s2].
+    """
+    most, kind = lane.friction[i] * size, lane.kind[i]
+    w1, w2 = lane.sliding[0, i], lane.sliding[1, i]
+    f1, f2, end, reserve, rest = 0.0, 0.0, math.inf, math.inf, math.inf
+    if lane.friction[i] > 0.0:
+        s1, s2 = sticking_force(mobility, free, lane.rate[i], w1, w2)
+        reserve = most - math.sqrt(s1 * s1 + s2 * s2)
+        if kind == SLIPS:
+            along = lane.along[0, i], lane.along[1, i]
+            f1, f2 = slipping_force(most, along, w1, w2)
+            end = slip_end(along, w1, w2, lane.resting[i])
+            a1 = free[0] + mobility[0] * f1 + mobility[1] * f2
+            a2 = free[1] + mobility[1] * f1 + mobility[2] * f2
+            slowing, turning = w1 * a1 + w2 * a2, w1 * a2 - w2 * a1
+            rest = (w1 * w1 + w2 * w2) / -slowing if slowing < 0.0 else math.inf
+            brief = BRIEF[0] if abs(turning) < 1e-3 * abs(slowing) else BRIEF[1]
+            rest *= BEYOND_END if rest < brief * lane.expected[i] else 0.75
+        elif kind == STICKS:
+            f1, f2, end = s1, s2, reserve
+        else:
+            d1, d2, _ = slip_direction(
+                most * mobility[0], most * mobility[1], most * mobility[2], free[0], free[1]
+            )
+            f1, f2 = most * d1, most * d2
+            slowest = STARTING * lane.speed[i] + 3.0 * lane.resting[i]
+            end = min(slowest - math.sqrt(w1 * w1 + w2 * w2), -reserve)
+    lane.most[i], lane.reserve[i], lane.rest[i], lane.ends[2, i] = most, reserve, rest, end
+    return f1, f2
+
+
+@inlined
+def put_forces(lane, i, force, loss, deflection, separation):
+    """Fill in force, power lost and deflection, and the ends of a phase that these make.
+
+    Args:
+        lane: fields of `LANE`.
+        i: number of the contact.
+        force: on the ball [N].
+        loss: power that the normal force loses [W].
+        deflection: of ball and foot [m].
+        separation: deflection at which the force vanishes [m].
+    """
+    lane.force[0, i], lane.force[1, i], lane.force[2, i] = force
+    lane.lost[i] = loss - force[0] * lane.sliding[0, i] - force[1] * lane.sliding[1, i]
+    lane.deflection[i] = deflection
+    if lane.largest[i] == 0.0:
+        lane.ends[0, i], lane.ends[1, i] = -lane.sliding[2, i], math.inf
+    else:
+        lane.ends[0, i], lane.ends[1, i] = deflection - separation, lane.largest[i] - deflection
+
+
+@inlined
+def limit_step(lane, i):
+    """Let a step of restitution end shortly after separation at the present speed.
+
+    And a step of points that slide shortly before they come to rest, where their direction may
+    change, or shortly after that if it is brief.
+    """
+    lane.begin[0, i], lane.begin[1, i] = lane.ends[0, i], lane.ends[1, i]
+    lane.begin[2, i] = lane.ends[2, i]
+    largest, deflection, e = lane.largest[i], lane.deflection[i], math.sqrt(lane.share[i])
+    if lane.high[i] > 0.0:
+        return
+    lane.step[i] = min(lane.step[i], lane.rest[i])
+    if largest == 0.0:
+        return
+    leaving, remaining = lane.sliding[2, i], 0.5 * lane.expected[i] * e / (1.0 + e)
+    if deflection < 0.99 * largest and leaving > 0.0:
+        remaining = lane.ends[0, i] / leaving
+    least = 1e-9 * MAX_CONTACT_TIMES * lane.expected[i]
+    lane.step[i] = min(lane.step[i], max(BEYOND_END * remaining, least))
+
+
+@inlined
+def _precision(lane, i, which, precision):
+    """Return the accepted distance beyond 0 of the value that ends a phase.
+
+    `precision` is relative. The forces change continuously there, except where points come to rest.
+    """
+    if which == 0 and lane.largest[i] == 0.0:
+        return precision * lane.speed[i]
+    if which < 2:
+        return precision * lane.largest[i]
+    if lane.kind[i] == SLIPS:
+        return lane.resting[i]
+    if lane.kind[i] == STARTS and lane.ends[2, i] != -lane.reserve[i]:
+        return 5.0 * STARTING * lane.speed[i]
+    return precision * lane.most[i]
+
+
+@inlined
+def _next_trial(lane, i):
+    """Put the next length of a step that is to end just after the end of a phase."""
+    low, high = lane.low[i], lane.high[i]
+    above, below = lane.low_value[i], lane.high_value[i]
+    if low == 0.0 and lane.which[i] == 2.0 and lane.kind[i] == STARTS:
+        slowest = STARTING * lane.speed[i]  # the sliding grows with the square of the time
+        lane.step[i] = high * max(math.sqrt(2.0 * slowest / (slowest - below)), 1e-3)
+    elif above > 0.0:
+        share = above / (above - below)
+        lane.step[i] = low + min(max(share, 0.001), 0.999) * (high - low)
+    else:  # as where the phase begins with 0
+        lane.step[i] = low + 0.1 * (high - low)
+
+
+@inlined
+def _first_end(lane, i):
+    """Return which end a step falls into first, by a secant; -1 for none."""
+    which, earliest = -1, math.inf
+    for k in range(3):
+        end, begin = lane.ends[k, i], lane.begin[k, i]
+        if end <= 0.0:
+            about = max(begin, 0.0) / (max(begin, 0.0) - end) if end < 0.0 else 1.0
+            if about < earliest:
+                which, earliest = k, about
+    return which
+
+
+@inlined
+def _end_step(lane, i, error, precision):
+    """Return the outcome of a step with an error, 1 at most, and a precision of the ends."""
+    h, doubtful = lane.step[i], lane.calls[i] > MAX_EVALUATIONS
+    if doubtful or h < 1e-13 * lane.expected[i]:
+        return FAILED
+    if not error < 1.0:
+        factor = max(0.2, 0.9 / math.sqrt(math.sqrt(math.sqrt(error)))) if error < 1e30 else 0.2
+        lane.step[i], lane.rejected[i], lane.high[i] = h * factor, 1.0, 0.0
+        return AGAIN
+    which, trying = _first_end(lane, i), lane.high[i] > 0.0
+    if which < 0 and lane.height[i] <= 1e-9 * lane.radius[i]:
+        return THROUGH
+    if which < 0 and not trying:
+        return TAKEN
+    if which < 0:  # before the end that is sought
+        seek = int(lane.which[i])
+        value = lane.ends[seek, i] + 0.5 * _precision(lane, i, seek, precision)
+        if lane.low_value[i] > 0.0:  # Anderson and Bjorck's weight of the end that stays
+            weight = 1.0 - value / lane.low_value[i]
+            lane.high_value[i] *= weight if weight > 0.0 else 0.5
+        lane.low[i], lane.low_value[i] = h, value
+        _next_trial(lane, i)
+        return AGAIN
+    value, accepted = lane.ends[which, i], _precision(lane, i, which, precision)
+    if value >= -accepted:
+        return which
+    if h < 1e-6 * lane.first_step[i] and lane.begin[which, i] <= 0.0:
+        return which + AT_BEGINNING
+    if not trying or which != int(lane.which[i]):
+        begin = lane.begin[which, i]
+        lane.low[i], lane.low_value[i] = 0.0, begin + 0.5 * accepted if begin > 0.0 else 0.0
+    elif lane.low_value[i] > 0.0:
+        weight = 1.0 - (value + 0.5 * accepted) / lane.high_value[i]
+        lane.low_value[i] *= weight if weight > 0.0 else 0.5
+    lane.high[i], lane.high_value[i] = h, value + 0.5 * accepted
+    lane.which[i] = which
+    _next_trial(lane, i)
+    return AGAIN
+
+
+@inlined
+def finish_step(lane, i, error, precision):
+    """Return the outcome of a step; move the time on, and put the length of the next step."""
+    lane.calls[i] += STAGES + 1
+    h, outcome = lane.step[i], _end_step(lane, i, error, precision)
+    if outcome == TAKEN or 0 <= outcome < AT_BEGINNING:
+        lane.time[i] += h
+    if outcome == TAKEN:
+        most = 1.0 if lane.rejected[i] > 0.0 else 10.0
+        growth = 0.9 / math.sqrt(math.sqrt(math.sqrt(error))) if error > 1e-12 else most
+        lane.whole[i], lane.rejected[i] = h, 0.0
+        lane.step[i] = h * min(max(growth, 0.2), most)
+        if lane.time[i] > MAX_CONTACT_TIMES * lane.expected[i]:
+            outcome = FAILED
+    elif outcome >= 0:
+        lane.step[i] = max(lane.whole[i], lane.first_step[i])
+        lane.high[i], lane.rejected[i] = 0.0, 0.0
+    return outcome
+
+
+@inlined
+def begin_phase(lane, i, which):
+    """Begin the next phase after an end of one, or return whether foot and ball part."""
+    if which < 2:
+        if which == 0 and lane.largest[i] > 0.0:
+            return True
+        lane.largest[i] = lane.deflection[i] if which == 0 else 0.0
+        return False
+    w1, w2, ended = lane.sliding[0, i], lane.sliding[1, i], lane.kind[i]
+    speed = math.sqrt(w1 * w1 + w2 * w2)
+    moves = slides(speed, lane.resting[i], ended == SLIPS, lane.reserve[i])
+    if ended != STICKS and moves:
+        lane.kind[i], lane.along[0, i], lane.along[1, i] = SLIPS, w1 / speed, w2 / speed
+    elif ended == STICKS or (ended != STARTS and lane.reserve[i] < 0.0):
+        lane.kind[i] = STARTS
+    else:
+        lane.kind[i] = STICKS
+    return False
+
+
+@inlined
+def event_precision(tol):
+    """Return the relative precision of the ends of phases for a tolerance of the integrator."""
+    return max(min(0.1 * math.sqrt(tol), 100.0 * tol), 1e-9)

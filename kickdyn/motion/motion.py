@@ -38,6 +38,15 @@ class Phase(NamedTuple):
     end: float
 
 
+class MotionState(NamedTuple):
+    """Configuration, velocity, torques and wrench of the ground, as the methods of `Motion`."""
+
+    q: Array
+    v: Array
+    torque: Array
+    ground_wrench: Array
+
+
 def settling(t: Array) -> Array:
     r"""Return q, v and a after the impact of a joint that was at rest, over its velocity after it.
 
@@ -145,7 +154,7 @@ class Motion(ReprMixin):
         the ground on the supporting foot; 0 for a floating base. At 0 they are those just before
         the impact.
         """
-        return self._dynamics(t)[0]
+        return self.state(t).torque
 
     def ground_wrench(self, t: float) -> Array:
         """Return the wrench of the ground on the robot at a time, `(6,)` [N, N m, world frame].
@@ -153,7 +162,7 @@ class Motion(ReprMixin):
         It is the force, then its moment about the world's origin; of a leg on a fixed base, 0. On
         both feet, it is the sum of the `foot_wrenches`.
         """
-        return self._dynamics(t)[1]
+        return self.state(t).ground_wrench
 
     def foot_wrenches(self, t: float) -> tuple[Array, Array]:
         """Return the wrenches on the supporting and on the kicking foot, as `ground_wrench`."""
@@ -183,8 +192,7 @@ class Motion(ReprMixin):
         """Return q, v and a of `joints` and of those that the impact pushes, `(n + k,)` each."""
         state, velocity = self.joint_state(t), np.array([*self.pushed.values()])
         pushed = np.multiply.outer(settling(np.array([t]))[:, 0] * (t > 0.0), velocity)
-        rest = self.robot.joint_values(self._rest)
-        pushed[0] += [rest[name] for name in self.pushed]
+        pushed[0] += self._pushed_rest
         q, v, a = map(np.append, state, pushed)
         return q, v, a
 
@@ -251,9 +259,8 @@ class Motion(ReprMixin):
         """Return the motion at a constant rate, 50 to 500 Hz, from rest to rest."""
         rate = validation.number("rate", rate, at_least=50, at_most=500, unit="Hz")
         t = np.arange(math.floor(rate * self.begin), math.ceil(rate * self.end) + 1) / rate
-        q, v = (np.array([state(time) for time in t]) for state in (self.q, self.v))
-        torque, wrench = zip(*(self._dynamics(time) for time in t), strict=True)
-        return MotionSamples(self.robot, rate, t, q, v, np.array(torque), np.array(wrench))
+        states = (np.array(rows) for rows in zip(*map(self.state, t), strict=True))
+        return MotionSamples(self.robot, rate, t, *states)
 
     def save(self, file: str | os.PathLike[str], rate: float = 100.0) -> None:
         """Write the motion for other programs, in the format of the file's ending.
@@ -272,13 +279,13 @@ class Motion(ReprMixin):
     def _state(self, t: float) -> tuple[Array, Array, Array]:
         return self._on_robot(*self._every_state(t))
 
-    def _dynamics(self, t: float) -> tuple[Array, Array]:
-        """Return the joints' torques, shape `(nv,)`, and the ground's wrench, `(6,)`."""
+    def state(self, t: float) -> MotionState:
+        """Return configuration, velocity, torques and wrench of the ground at a time [s]."""
         q, v, a = self._state(t)
         model, data = self._model
         torque = pin.rnea(model, data, q, v, a).copy()
         if not self._floats:
-            return torque, np.zeros(6)
+            return MotionState(q, v, torque, np.zeros(6))
         wrench = data.liMi[1].act(pin.Force(torque[:6])).vector
         # the ground acts on the supporting foot, and so on the joints between it and the base
         if shift := self._shift_at(t):
@@ -290,7 +297,7 @@ class Motion(ReprMixin):
         rows = pin.computeFrameJacobian(model, data, q, self._support_frame, pin.LOCAL)
         torque -= rows.T @ np.linalg.solve(rows[:, :6].T, torque[:6])
         torque[:6] = 0.0
-        return torque, np.asarray(wrench)
+        return MotionState(q, v, torque, np.asarray(wrench))
 
     def _on_robot(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
         """Return q, v and a of the robot from those of the joints that move or are pushed."""
@@ -315,6 +322,12 @@ class Motion(ReprMixin):
     def _rest(self) -> Array:
         """Configuration of the robot with all joints where they stay if they have no spline."""
         return rest_configuration(self.robot, self.aside)
+
+    @cached_property
+    def _pushed_rest(self) -> list[float]:
+        """Values at rest of the joints that the impact pushes."""
+        rest = self.robot.joint_values(self._rest)
+        return [rest[name] for name in self.pushed]
 
     @cached_property
     def _indices(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

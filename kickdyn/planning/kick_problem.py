@@ -53,6 +53,11 @@ DRAWN, STARTS, RATED, WIDELY_DRAWN = 80, 4, 20, 80
 """Numbers of postures that are drawn, of those among them from which a problem is solved, of those
 by which several problems are compared, and of those from the whole ranges of the joints."""
 
+STRONGEST_DRAWN, STRONGEST_RATED, SPREAD = 400, 32, 8
+"""Numbers of postures that are drawn from the whole ranges of the joints to seek the strongest
+kick, of those with the best rating among them, and of others of any rating. Postures that need the
+least joint speed for the whole launch may all lead to a local optimum that is a fifth too weak."""
+
 AT_BALL = 1e-6
 """Distance between a foot and a ball that touch, at most [m]."""
 
@@ -140,11 +145,8 @@ class KickProblem:
         """
         ball, facing, variables = self.find(BallPosition), self.find(Facing), self.variables
         assert ball is not None
-        wide = np.random.default_rng(1).uniform(
-            variables.lower, variables.upper, (WIDELY_DRAWN, variables.n)
-        )
         placed = []
-        for q in (*self.drawn, *wide):
+        for q in (*self.drawn, *self.widely_drawn(WIDELY_DRAWN)):
             start = variables.point(np.array([*q, *np.zeros(variables.n), 1.0]))
             point = place_exactly(ball, start)
             if _touches(ball, point):
@@ -154,6 +156,21 @@ class KickProblem:
         rated = [x[: variables.n] for _, _, x in touching.rated()]
         best = [q for q in rated if self.may_meet(q)] or rated
         return replace(self, drawn=np.reshape(best[:count], (-1, variables.n)))
+
+    def widely_drawn(self, count: int) -> Array:
+        """Return postures that are drawn from the whole ranges of the joints, `(count, n)`."""
+        variables, draw = self.variables, np.random.default_rng(1)
+        return draw.uniform(variables.lower, variables.upper, (count, variables.n))
+
+    def strong_starts(self) -> list[Array]:
+        """Return the unknowns from which the strongest kick is sought."""
+        rated = [x for _, _, x in self.rated()]
+        starts = rated[:: max(len(rated) // SPREAD, 1)]
+        if self.standing is None:  # of others, the trunk lies down
+            wide = replace(self, drawn=self.widely_drawn(STRONGEST_DRAWN))
+            rated = [x for _, _, x in wide.rated()]
+            starts += rated[:STRONGEST_RATED] + rated[STRONGEST_RATED :: STRONGEST_DRAWN // SPREAD]
+        return starts
 
     def may_meet(self, q: Array) -> bool:
         """Return whether the side of the foot at the ball may meet it, at q of shape `(n,)`."""
@@ -314,7 +331,7 @@ def _solve(problem: KickProblem, objective: Objective) -> tuple[KickProblem, Kic
         best = best_from(variant, objective, starts)
         if best is not None:
             return variant, best
-    if points := variant.solve(LargestShare(), starts):
+    if points := variant.solve(LargestShare(), variant.strong_starts()):
         strongest = max(points, key=lambda point: point.share)
         if strongest.share >= 1.0 - 1e-6:
             full = variant.variables.point(np.append(strongest.x[:-1], 1.0))

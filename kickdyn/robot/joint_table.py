@@ -194,11 +194,16 @@ class JointTable:
         """The mimic joints of the model."""
         return Gears(self._model, self.mimics)
 
+    @cached_property
+    def _columns(self) -> dict[str, int]:
+        """The indices in v of the joints of one degree of freedom, by name."""
+        names, model = self.joint_names, self._model
+        return {name: model.idx_vs[k] for k, name in enumerate(names, 1) if model.nvs[k] == 1}
+
     @property
     def single_joints(self) -> list[str]:
         """Names of the joints of one degree of freedom."""
-        sizes = list(self._model.nvs)[1:]
-        return [name for name, nv in zip(self.joint_names, sizes, strict=True) if nv == 1]
+        return list(self._columns)
 
     def configuration(self, angles: Mapping[str, float] | None = None) -> Array:
         """Return q, shape `(nq,)`, with joints at their values by name and all others at 0.
@@ -239,7 +244,7 @@ class JointTable:
         """Return the value of each joint of one degree of freedom by name [rad; m if prismatic]."""
         q = self.check_configuration(q)
         step = pin.difference(self._model, pin.neutral(self._model), q)
-        return {name: float(step[self.velocity_index(name)]) for name in self.single_joints}
+        return {name: float(step[column]) for name, column in self._columns.items()}
 
     def angles_deg(self, q: ArrayLike) -> dict[str, float]:
         """Return the angles of the revolute joints by name [deg]; q has shape `(nq,)`."""

@@ -93,7 +93,7 @@ class MujocoField:
         self.mujoco.mj_setConst(self.model, self.data)
         self.addresses = [int(self.model.joint(name).qposadr[0]) for name in self.joints]
         self.rates = [int(self.model.joint(name).dofadr[0]) for name in self.joints]
-        self.striking = [self.model.geom(name).id for name in self.foot.geoms]
+        self.striking = {self.model.geom(name).id for name in self.foot.geoms}
         if standing is not None:
             index = self.model.geom("sole 0").id
             self.sole = range(index, index + len(self.corners))
@@ -188,12 +188,12 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
 
     def reference(self, t: float, *, feed_forward: bool) -> Array:
         """Return the drives' controls for the motion at a time [s]; late ones for one at 0."""
-        motion, robot = self.motion, self.motion.robot
-        values = robot.joint_values(motion.q(t))
+        state = self.motion.state(t)
+        values = self.motion.robot.joint_values(state.q)
         position = np.array([values[name] for name in self.joints])
-        control = self.stiffness * position + self.damping * motion.v(t)[self.columns]
+        control = self.stiffness * position + self.damping * state.v[self.columns]
         if feed_forward:
-            control += motion.torque(t)[self.columns]
+            control += state.torque[self.columns]
         return np.asarray(control)
 
     def place(self) -> None:
@@ -227,8 +227,12 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
     def pushes(self) -> bool:
         """Return whether the foot pushed the ball in the last step."""
         contacts = self.data.contact
-        rows = contacts.efc_address[np.isin(contacts.geom, self.striking).any(axis=1)]
-        return bool((rows >= 0).any() and (self.data.efc_force[rows] > 0.0).any())
+        rows = zip(contacts.geom.tolist(), contacts.efc_address.tolist(), strict=True)
+        return any(
+            row >= 0 and self.data.efc_force[row] > 0.0
+            for geoms, row in rows
+            if not self.striking.isdisjoint(geoms)
+        )
 
     def sole_load(self) -> Array:
         """Return the force of the floor on the sole, and the moment of its normal force, `(5,)`.

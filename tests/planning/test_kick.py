@@ -138,6 +138,37 @@ def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
     assert lifted.speed_use > 1
 
 
+def strongest_drawn(leg, normal, contact):
+    """Return the highest launch speed of 3,000 random kicks within the limits [m/s]."""
+    draw, data, best = np.random.default_rng(1), leg.model.createData(), 0.0
+    for q in draw.uniform(leg.lower, leg.upper, (3000, leg.nv)):
+        posture = leg.posture(q)
+        v = np.sign(normal @ posture.jacobian) * leg.velocity_limit * draw.uniform(0.3, 1, leg.nv)
+        if (np.abs(pin.nonLinearEffects(leg.model, data, q, v)) <= leg.effort_limit).all():
+            speed = normal @ kd.strike(posture, v, BALL, contact).ball_after.velocity
+            best = max(best, speed)
+    return best
+
+
+@pytest.mark.processor_limit(10)
+@pytest.mark.parametrize("elevation", [34.55, 55.0])
+def test_the_strongest_kick_is_the_same_whatever_speed_is_asked_for(elevation):
+    leg, contact = kd.Leg.testbed(), kd.Contact(restitution=0.79, friction=0.0)
+    ahead = np.array([math.cos(math.radians(elevation)), 0.0, math.sin(math.radians(elevation))])
+
+    def plan(speed):
+        time = 2.0 * speed * ahead[2] / 9.81
+        return kd.plan_kick(leg, kd.Goal(speed * ahead[0] * time, time=time), BALL, contact=contact)
+
+    strongest = plan(25.0).impact.ball_after.speed
+    assert plan(60.0).impact.ball_after.speed == pytest.approx(strongest, rel=optimized())
+    assert plan(0.99 * strongest).share == 1.0
+    assert plan(1.01 * strongest).status == "beyond-limits"
+    assert strongest_drawn(leg, ahead, replace(contact, normal=ahead)) <= 1.01 * strongest
+    if elevation == 34.55:
+        assert strongest > 5.33  # 60 starts of SLSQP by somebody else
+
+
 @pytest.mark.parametrize(("goal", "options", "words"), [
     (kd.Goal(30, time=1.5), {"objective": "beauty"}, "beauty.*joint-speed, joint-impulse"),
     (kd.Goal(15, time=1), {"objective": "joint-speed", "motion": True}, "motion=True"),

@@ -132,6 +132,8 @@ def test_impacts_use_the_value_at_their_speed_of_approach(speed, coming):
         assert one.restitution == pytest.approx(number.restitution, rel=closed_form())
         outside = not 5 <= speed + coming <= 20
         assert any("5 to 20 m/s" in line for line in one.warnings) == outside
+        if function is kd.strike:
+            assert ["\n  restitution " in str(impact) for impact in (one, other)] == [True, False]
     smooth, flat = contact(TABLE, 0.0), contact(number.restitution, 0.0)
     peer = kd.strike(POSTURE, v, BALL, flat, **options).impulse
     agrees(strike_by_pinocchio(POSTURE, v, BALL, smooth, **options).impulse, peer, closed_form(10))

@@ -40,6 +40,7 @@ REFUSED = [
     (f"{PLAN} --out a.csv", "--out is 'a.csv'", "--motion"),
     (f"{PLAN} --both-feet", "--both-feet", "--motion"),
     (f"{PLAN} --corrections 2", "--corrections is 2", "--run mujoco"),
+    (f"{PLAN} --corrections 0", "--corrections", "1<=x<=10"),
     (f"{PLAN} --foot plate", "--foot is plate", "--run mujoco"),
     (f"{PLAN} --trap 0,0,0", "--trap", "--ball-position and --ball-velocity"),
     (f"{PLAN} {MOVING} --trap 0,0,0", "--trap excludes --distance, --time"),

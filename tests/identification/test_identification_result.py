@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from tolerances import agrees, closed_form, optimized
 
@@ -34,6 +34,7 @@ def result(estimates, deviations, speed=20.0, count=4, **changes):
 
 @settings(max_examples=50)
 @given(st.lists(st.tuples(st.floats(-1, 1), st.floats(0.01, 0.5)), min_size=2, max_size=12))
+@example([(0.0, 0.5), (0.72, 0.5)])  # just more than their deviations explain
 def test_the_scatter_of_a_mean_explains_the_differences(pairs):
     """The equations of Paule & Mandel (1982)."""
     values, deviations = np.array(pairs).T

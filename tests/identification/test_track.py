@@ -39,6 +39,13 @@ def test_a_slice_is_a_track():
             track[index]
 
 
+def test_the_first_sample_that_is_no_number_is_named():
+    positions = np.ones((5, 3))
+    positions[2, 1], positions[4] = np.inf, np.nan
+    with pytest.raises(kd.InvalidInput, match=r"positions\[2\] is \[1\.0, inf, 1\.0\]"):
+        kd.Track(np.arange(5.0), positions)
+
+
 def test_a_csv_file_with_gaps_other_names_and_a_long_cell(tmp_path):
     file, limit = tmp_path / "track.csv", csv.field_size_limit()
     file.write_text(

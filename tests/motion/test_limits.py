@@ -49,6 +49,14 @@ def test_bodies_are_above_the_ground_and_beside_the_supporting_foot():
     assert left == pytest.approx([0.35 - 0.04, 0.05 - 0.02])
 
 
+def test_the_width_of_a_sole_is_that_of_its_largest_circle():
+    """The radius of a triangle's is twice its area over its perimeter."""
+    corners = np.array([(0.0, 0.0), (0.012, 0.0), (0.0, 0.016)])
+    standing = SimpleNamespace(sole=corners, support=SimpleNamespace(frame="foot"))
+    with pytest.raises(kd.InvalidInput, match=r"is 8 mm wide"):
+        check_sole(standing)
+
+
 @pytest.mark.parametrize(("width", "is_wide_enough"), [(13.9, False), (14.1, True)])
 def test_a_sole_has_room_for_its_edges_of_3_mm_and_the_solver_s_4_mm(width, is_wide_enough):
     turn = np.array([[0.8, -0.6], [0.6, 0.8]])

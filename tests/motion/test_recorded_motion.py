@@ -43,6 +43,7 @@ def test_polynomials_of_degree_4_are_differentiated_exactly(window, tmp_path):
     agrees(motion.v, v + after[:, None] * [5.0, -3.0, 1.0], closed_form(RATE))
     agrees(motion.a, a, closed_form(RATE**2))
     assert all(amount < closed_form(RATE) for _, amount, _ in motion.smoothing)
+    assert not any("base" in name for name, _, _ in motion.smoothing)
 
 
 @pytest.mark.parametrize("facing", ["x", "y"])
@@ -59,6 +60,9 @@ def test_a_base_that_turns_evenly_has_its_angular_velocity(facing, tmp_path):
     quaternions[1::2] *= -1.0  # either sign is the same rotation
     table = np.hstack([place, quaternions, np.zeros((len(t), 12))])
     motion = kd.read_motion(written(tmp_path, table), robot, rate=rate)
+    assert {name.split(" of ")[-1] for name, _, _ in motion.smoothing} >= {
+        "joints", "base position", "base rotation",
+    }  # fmt: skip
     error = (np.linalg.norm(omega) / rate) ** 4
     base, model, data = robot.model.jointPlacements[1], robot.model, robot.model.createData()
     for k, time in enumerate(t):

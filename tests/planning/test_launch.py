@@ -1,10 +1,11 @@
 """Launches: flown again by `fly`, closed forms of the vacuum, dimensions, and why there is none."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from tolerances import agrees, optimized
+from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
 
@@ -99,6 +100,9 @@ def test_a_curved_kick_passes_beside_the_wall_within_the_spin_limit():
     nearest = kd.plan_launch(goal, BALL, AIR, spin_limit=0.5 * needed)
     assert nearest.limit == "spin-limit"
     check(nearest, nearest.reached)
+    farther = kd.plan_launch(replace(goal, beside=(9.15, 4.0)), BALL, AIR)
+    assert farther.limit == "spin-limit"
+    assert np.linalg.norm(farther.spin) == pytest.approx(100, rel=closed_form())  # by default
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from tolerances import EPSILON, agrees, closed_form
 
 import kickdyn as kd
 from kickdyn.cli.leg_options import load_leg
+from kickdyn.robot import catalog
 from kickdyn.robot.catalog import ROBOTS, SURFACES, read_robot, robots_folder
 from kickdyn.view.leg_figure import joint_poses, leg_shapes
 
@@ -130,6 +131,17 @@ def test_joints_outside_the_legs_are_locked_at_values(base):
 def test_bad_arguments_are_refused(change, said):
     with pytest.raises(kd.InvalidInput, match=said):
         kd.Leg.from_robot(**{"name": "bolt", **change})
+
+
+def test_a_failed_download_gives_the_reason_of_git(monkeypatch):
+    def fails(name, importing=catalog.import_module):
+        if name == "robot_descriptions":
+            return importing(name)
+        raise OSError("Cmd('git') failed\n  stderr: 'fatal: no route to the host'\n")
+
+    monkeypatch.setattr(catalog, "import_module", fails)
+    with pytest.raises(kd.InvalidInput, match=r"downloaded \(no route to the host\)"):
+        kd.Leg.from_robot("g1_description")
 
 
 def test_a_robot_that_is_singular_where_it_is_straight_is_taken():

@@ -163,7 +163,7 @@ class Learner(ReprMixin):
                 f"receiver velocity is {goal.receiver_velocity.tolist()} m/s: the learner kicks "
                 "again to the same target, which must be at rest"
             )
-        if float(goal.target[2]) != 0.0:
+        if not goal.is_level:
             raise InvalidInput(
                 f"goal is {float(goal.target[2]):g} m above the launch: the learner observes "
                 "landings at the height of the launch"

@@ -240,6 +240,11 @@ class Goal(ReprMixin):
         return min(0.0, float(self.target[2]))
 
     @property
+    def is_level(self) -> bool:
+        """Whether the target, and a receiver, stay as high as the ball, but for rounding."""
+        return is_level(self.target) and is_level(self.receiver_velocity)
+
+    @property
     def kind(self) -> str:
         """Name of the condition: `time`, `apex`, `speed` or `over`."""
         return next(name for name in CONDITIONS if getattr(self, name) is not None)
@@ -345,6 +350,11 @@ def meet_receiver(goal: Goal, plan: Callable[[Goal], Planned]) -> Planned:
         f"the ball does not meet a receiver who runs at {math.hypot(*goal.receiver_velocity):g} "
         f"m/s within {LONGEST_MEETING:g} s: give another velocity or condition"
     )
+
+
+def is_level(vector: Array) -> bool:
+    """Return whether a vector is horizontal, but for rounding."""
+    return abs(float(vector[2])) <= 1e-12 * float(np.linalg.norm(vector))
 
 
 def nominal_velocity(target: Array, time: float) -> Array:

@@ -23,6 +23,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground
+from kickdyn.planning.goal import is_level
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frames_by_name
@@ -113,7 +114,7 @@ class IncomingBall(ReprMixin):
             height = lowest
             if is_floating(leg):
                 height = 0.0
-            elif self.state.velocity[2] != 0.0:
+            elif not is_level(self.state.velocity):
                 height = min(_level_under(leg), lowest)
             ground = Ground(height, "turf")
         elif ground.surface is None:

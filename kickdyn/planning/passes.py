@@ -105,8 +105,7 @@ def plan_pass(
         >>> str(plan.status), round(float(plan.velocity[0]), 2)
         ('met', 15.06)
     """
-    level = goal.target[2] == goal.receiver_velocity[2] == 0.0
-    if goal.kind not in ("time", "speed") or not level or goal.beside is not None:
+    if goal.kind not in ("time", "speed") or not goal.is_level or goal.beside is not None:
         named = ", ".join(f"{name} {value} {unit}" for name, value, unit in goal.named_values())
         raise InvalidInput(
             f"a goal with {named} is not valid for a pass: it must have a time or a speed, a "

@@ -68,7 +68,8 @@ def test_times_just_before_and_after_the_crossing_of_a_turned_leg_s_plane_are_am
 
 
 @pytest.mark.parametrize(("leg", "height", "rate", "ground"), [
-    (G1, 0.5, 1.0, None), (G1, -0.9, 1.0, -0.9), (G1, 0.5, 0.0, 0.5), (BOLT, 0.5, 1.0, 0.0),
+    (G1, 0.5, 1.0, None), (G1, -0.9, 1.0, -0.9), (G1, 0.5, 0.0, 0.5), (G1, 0.5, 1e-17, 0.5),
+    (BOLT, 0.5, 1.0, 0.0),
     (HUMAN, 0.5, 1.0, HUMAN.posture(np.zeros(3)).contact_point[2])])  # fmt: skip
 def test_the_ground_is_under_the_other_foot_or_under_a_lower_ball(leg, height, rate, ground):
     ball = kd.BallState((1.0, 0.0, height + BALL.radius), (-1.0, 0.0, rate))

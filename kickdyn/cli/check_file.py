@@ -21,7 +21,15 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput
 from kickdyn.identification.body_track import BodyTrack
 from kickdyn.identification.segments import segments
-from kickdyn.identification.track import LARGEST_FILE, METRES, Track, c3d_content
+from kickdyn.identification.track import (
+    LARGEST_FILE,
+    METRES,
+    SEPARATORS,
+    TIME,
+    Track,
+    c3d_content,
+    cells_of,
+)
 from kickdyn.robot.catalog import TOE
 from kickdyn.robot.constraints import Support, find_open_loops
 from kickdyn.robot.foot_surfaces import kick_with
@@ -376,10 +384,13 @@ def _name_fit(found: _Found, read: str, what: str) -> None:
 
 def _check_ball(found: _Found) -> None:
     with Path(found.path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        header = [name.strip() for name in file.readline(LONGEST_HEADER).split(",")]
-    guessed = {axis: [name for name in header if _axis(name) == axis] for axis in "txyz"}
-    columns = [names[0] for names in guessed.values() if len(names) == 1]
-    usual = len(columns) < 4 or columns == [*"txyz"]
+        line = file.readline(LONGEST_HEADER)
+    columns = list[str]()
+    for header in (cells_of(line, separator) for separator in SEPARATORS):
+        guessed = [[name for name in header if _axis(name) == axis] for axis in "txyz"]
+        if not columns and all(len(names) == 1 for names in guessed):
+            columns = [name for (name,) in guessed]
+    usual = not columns or columns == [*"txyz"]
     track = Track.from_csv(found.path) if usual else Track.from_csv(found.path, columns)
     found.add("columns", "t, x, y, z" if usual else ", ".join(columns))
     _add_times(found, "samples", track.times)
@@ -402,7 +413,7 @@ def _axis(name: str) -> str:
     """Return which of t, x, y and z the name of a column means, without units; or nothing."""
     words = set(re.findall("[a-z]+", name.lower())) - NO_AXES
     word = words.pop() if len(words) == 1 else ""
-    return "t" if word in ("time", "times", "timestamp") else word
+    return "t" if word in TIME else word
 
 
 def _add_times(found: _Found, what: str, times: Array) -> None:

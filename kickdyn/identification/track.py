@@ -65,6 +65,9 @@ UNITS = {"s": 1.0, "ms": 1e-3}, METRES, METRES, METRES
 UNIT = re.compile(r"(.+?)\s*[\[(]\s*(\w+)\s*[\])]|(.+?)[_ ](mm?|m?s)", re.IGNORECASE)
 """Name and unit of a column."""
 
+TIME = ("t", "time", "times", "timestamp")
+"""Names of the column with the time, if none is asked for."""
+
 SEPARATORS = (",", ";", "\t", None)
 """What stands between the columns of a file; None is blanks."""
 
@@ -190,7 +193,7 @@ class Track(ValueEquality, ReprMixin):
         Args:
             file: the file, UTF-8 text, up to 64 MB.
             columns: names of the columns with the time [s] and the three coordinates [m], in upper
-                or lower case.
+                or lower case; `t` may be called time, times or timestamp.
 
         Raises:
             FaultyFile: the file cannot be read, a column is missing, a value is not a number, or
@@ -250,12 +253,12 @@ def _read_rows(lines: Sequence[str], names: Sequence[str]) -> tuple[Array, list[
         (number, separator, header, found)
         for number, line in enumerate(lines[:MOST_TITLES], start=1)
         for separator in SEPARATORS
-        if (found := _find_columns(header := _cells(line.lstrip("#% "), separator), names))
+        if (found := _find_columns(header := cells_of(line.lstrip("#% "), separator), names))
     )
     first, separator, header, columns = next(headers, (0, None, [], []))
     if not columns:
         top = lines[:MOST_TITLES]
-        rows = [_cells(line, mark) for line in top for mark in SEPARATORS]
+        rows = [cells_of(line, mark) for line in top for mark in SEPARATORS]
         shown = next(
             (row for row in rows if len(row) >= len(names)), max(rows, key=len, default=[])
         )
@@ -266,7 +269,7 @@ def _read_rows(lines: Sequence[str], names: Sequence[str]) -> tuple[Array, list[
         )
     units, values, marks = [unit for _, unit in columns], list[list[float]](), set[str]()
     for number, line in enumerate(lines[first:], start=first + 1):
-        row = _cells(line, separator)
+        row = cells_of(line, separator)
         cells = [row[place] if place < len(row) else "" for place, _ in columns]
         is_gap = any(x.lower().lstrip("+-") in MISSING for x in cells)
         # beginnings of lines that are comments
@@ -304,13 +307,13 @@ def _read_rows(lines: Sequence[str], names: Sequence[str]) -> tuple[Array, list[
             raise InvalidInput(f"row {number} has {fault}")
         values.append(numbers)
     if not values:
-        below = [row for line in lines[first:] if any(row := _cells(line, separator))]
+        below = [row for line in lines[first:] if any(row := cells_of(line, separator))]
         hint = f": {validation.brief(below[0])} is not separated as the names are" if below else ""
         raise InvalidInput(f"it has no row of numbers below the names of the columns{hint}")
     return np.array(values), units
 
 
-def _cells(line: str, separator: str | None) -> list[str]:
+def cells_of(line: str, separator: str | None) -> list[str]:
     """Return the cells of a line, without blanks and quotation marks around them."""
     if separator is None:
         return line.split()
@@ -324,7 +327,8 @@ def _find_columns(header: Sequence[str], names: Sequence[str]) -> list[tuple[int
     for name, units in zip(names, UNITS, strict=True):
         split = [_name_and_unit(cell, units) for cell in header]
         places = [k for k, cell in enumerate(header) if cell == name]
-        places = places or [k for k, (bare, _) in enumerate(split) if bare == name.casefold()]
+        meant = TIME if name == "t" else (name.casefold(),)
+        places = places or [k for k, (bare, _) in enumerate(split) if bare in meant]
         if len(places) != 1:
             return []
         found.append((places[0], split[places[0]][1]))

@@ -194,13 +194,15 @@ def thrown(header, scale=1.0, without=()):
     return "\n".join(rows)
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
 @pytest.mark.parametrize("header", [
     "time,X,Y,Z", "Time (s),X [m],Y [m],Z [m]", "t_s,ball_x_m,ball_y_m,ball_z_m",
     "t,x_mm,y_mm,z_mm",
 ])  # fmt: skip
-def test_usual_names_of_columns_are_found(header, kickdyn, written):
+def test_usual_names_of_columns_are_found(header, separator, kickdyn, written):
     scale = 1000.0 if "_mm" in header else 1.0
-    file = written("track.csv", thrown(header, scale, without=[0.4, 0.42]))
+    text = thrown(header, scale, without=[0.4, 0.42])
+    file = written("track.csv", text.replace(",", separator))
     seen = rows(file)
     assert kd.check(file).problems == ()
     assert seen["highest corner"][0][0] == pytest.approx(8.0 * 39 / 50)

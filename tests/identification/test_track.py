@@ -97,7 +97,7 @@ def written(sizes, mark=","):
     "t;x;y;z\n" + written((1, 1), ";"), "t\tx\ty\tz\n" + SEMICOLONS.replace(";", "\t"),
     "T   X Y  Z\n" + written((1, 1), "   "),
     "t [s],x [m],y [m],z [m]\n" + PLAIN, "t_s;x_m;y_m;z_m\n" + SEMICOLONS,
-    "T (ms);X (cm);Y (cm);Z (cm)\n" + written((1e3, 1e2), ";"),
+    "Time (ms);X (cm);Y (cm);Z (cm)\n" + written((1e3, 1e2), ";"),
     "t,x,y,z\n[s],[m],[m],[m]\n" + PLAIN,
     NAMES + "ms,mm,mm,mm\n" + written((1e3, 1e3)), "a ball\n\n" + NAMES + PLAIN,
     "# a ball\n" + NAMES + "# here\n" + PLAIN + "\n# end", "# t,x,y,z\n" + PLAIN,
@@ -116,7 +116,7 @@ def test_csv_files_of_all_dialects_are_one_track(tmp_path, text):
 @pytest.mark.parametrize(("text", "message", "columns", "remedy"), [
     ("t,x,y\n0,1,2\n", r"\['t', 'x', 'y'\].*'z'", "txyy", ()),
     ("t,x,y,x,z\n0,1,2,1,3\n", "once each", "tyyz", ()),
-    ("time,x,y,z\n" + PLAIN, "'t'.*columns", ("time", "x", "y", "z"), ()),
+    ("when,x,y,z\n" + PLAIN, "'t'.*columns", ("when", "x", "y", "z"), ()),
     ("t,x [ft],y,z\n" + PLAIN, r"x \[ft\].*columns", ("t", "x [ft]", "y", "z"), ()),
     (NAMES, "no row of numbers", "txyz", (NAMES, NAMES + PLAIN)),
     (NAMES + written((1, 1), ";"), "no row of numbers.*separated", "txyz", (",", ";")),

@@ -90,11 +90,6 @@ class JointSpace:
         shares = [a * a / b for a, b in zip(sums, squares, strict=True) if b]
         return max(shares, default=1.0)
 
-    @property
-    def is_ill_conditioned(self) -> bool:
-        """Whether the rounding of M can grow by a factor of more than 100 in `delassus`."""
-        return self.rounding_gain > 100.0
-
     def effective_mass(self, normal: ArrayLike) -> float:
         r"""Return :math:`1 / (n^T J M^{-1} J^T n)` [kg]; inf if the leg cannot move along n.
 

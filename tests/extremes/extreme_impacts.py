@@ -196,7 +196,7 @@ def judge(family: str, kick: ExtremeKick) -> ExtremeCase:
     errors = {name: exact[name].error(value) for name, value in found.items()}
     claims = dict.fromkeys(found, impact.digits)
     claims["foot velocity"] = FULL
-    if not impact.posture.is_ill_conditioned:
+    if impact.posture.rounding_gain < 100.0:
         claims["effective mass"] = FULL
     claims |= {f"joint {i + 1}": digits for i, digits in enumerate(impact.joint_digits.tolist())}
     return compare(family, kick.name, errors, allowed, claims)

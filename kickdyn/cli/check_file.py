@@ -19,11 +19,13 @@ from kickdyn.core.files import check_file, finite, read_text, read_toml
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput
-from kickdyn.identification.body_track import BodyTrack
+from kickdyn.identification.body_track import TRANSLATION, BodyTrack
+from kickdyn.identification.fit_motion import check_angle
 from kickdyn.identification.segments import segments
 from kickdyn.identification.track import (
     LARGEST_FILE,
     METRES,
+    MOST_TITLES,
     SEPARATORS,
     TIME,
     Track,
@@ -63,6 +65,9 @@ SWEPT = 40.0
 
 GAP = 1.5
 """Time between samples, as a multiple of the median, that is a gap."""
+
+NO_COORDINATE = re.compile("force|torque|moment|_[pv][xyz]$", re.IGNORECASE)
+"""Names of columns of MOT files that are neither angles nor translations."""
 
 LONGEST_HEADER = 10_000
 """Characters of the first row of a ball track that are read for its columns."""
@@ -338,12 +343,21 @@ def _check_markers(found: _Found) -> None:
         positions = scale * data[: len(labels)].transpose(1, 0, 2)
         track = BodyTrack((first + np.arange(len(positions))) / rate, labels, positions)
         balls = [name for name in labels if "ball" in name.lower()]
-        if balls or len(labels) == 1:
+        never = {name for name, gaps in track.gaps.items() if len(gaps) == len(track)}
+        balls = [name for name in balls if name not in never]
+        if balls or (len(labels) == 1 and not never):
             found.propose("identify", found.path, *(["--marker", balls[0]] if balls else []))
+        found.problems += [
+            f"{labels.count(name)} markers are named {name}: none of them can be asked for"
+            for name in dict.fromkeys(labels) if labels.count(name) > 1
+        ]  # fmt: skip
     else:
         track = BodyTrack.from_trc(found.path)
         lines = read_text(found.path, found.path, LARGEST_FILE, FaultyFile).splitlines()
         unit = next(word for word in lines[2].lower().split() if word in METRES)
+    found.problems += track.warnings
+    if not np.isfinite(track.positions).all(axis=2).any():
+        found.problems.append("no marker is seen in any frame")
     found.add("markers", ", ".join(track.markers))
     found.add("unit in the file", unit)
     _add_times(found, "frames", track.times)
@@ -365,13 +379,21 @@ def _check_markers(found: _Found) -> None:
 
 def _check_angles(found: _Found) -> None:
     track = BodyTrack.from_mot(found.path)
+    found.problems += track.warnings
     _add_times(found, "rows", track.times)
     for name, values in track.angles.items():
-        slides = name.endswith(("_tx", "_ty", "_tz"))
         known = values[np.isfinite(values)]
-        if known.size:
+        if known.size and NO_COORDINATE.search(name):
+            found.add(f"column {name}", np.array([known.min(), known.max()]))
+        elif known.size:
             ends = np.array([known.min(), known.max()])
+            slides = TRANSLATION.search(name)
             found.add(f"coordinate {name}", *(ends, "m") if slides else (np.degrees(ends), "deg"))
+            if not slides:
+                try:
+                    check_angle(track, name)
+                except InvalidInput as error:
+                    found.problems.append(str(error))
         if known.size < values.size:
             found.add(f"gaps of {name}", values.size - known.size, "rows")
     _name_fit(found, "from_mot", "angles")
@@ -384,9 +406,9 @@ def _name_fit(found: _Found, read: str, what: str) -> None:
 
 def _check_ball(found: _Found) -> None:
     with Path(found.path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        line = file.readline(LONGEST_HEADER)
+        lines = [file.readline(LONGEST_HEADER).lstrip("#% ") for _ in range(MOST_TITLES)]
     columns = list[str]()
-    for header in (cells_of(line, separator) for separator in SEPARATORS):
+    for header in (cells_of(line, separator) for line in lines for separator in SEPARATORS):
         guessed = [[name for name in header if _axis(name) == axis] for axis in "txyz"]
         if not columns and all(len(names) == 1 for names in guessed):
             columns = [name for (name,) in guessed]

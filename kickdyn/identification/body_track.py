@@ -11,7 +11,7 @@ import numpy as np
 
 from kickdyn.core import validation
 from kickdyn.core.files import read_text
-from kickdyn.core.representation import ReprMixin, Row
+from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import FaultyFile, InvalidInput
 from kickdyn.identification.track import (
@@ -45,6 +45,7 @@ class BodyTrack(ReprMixin):
             marker is not seen.
         angles: coordinates by name, each of shape `(n,)` [rad; m], as of a file of joint angles;
             NaN where one is not known.
+        warnings: lines about what a file has and the track has not.
 
     Raises:
         InvalidInput: other shapes, infinite entries, or times that do not increase.
@@ -63,6 +64,7 @@ class BodyTrack(ReprMixin):
     markers: tuple[str, ...]
     positions: Array
     angles: Mapping[str, Array]
+    warnings: tuple[str, ...]
 
     def __init__(
         self,
@@ -71,6 +73,7 @@ class BodyTrack(ReprMixin):
         positions: ArrayLike | None = None,
         *,
         angles: Mapping[str, ArrayLike] | None = None,
+        warnings: Sequence[str] = (),
     ) -> None:
         moments = validation.floats("times", times, unit="s")
         if moments.ndim != 1 or not moments.size or not (np.diff(moments) > 0.0).all():
@@ -87,6 +90,7 @@ class BodyTrack(ReprMixin):
             for name, values in validation.mapping("angles", angles).items()
         }
         vars(self).update(times=moments, markers=names, positions=points, angles=coordinates)
+        vars(self).update(warnings=tuple(warnings))
         for array in (moments, points, *coordinates.values()):
             array.setflags(write=False)
 
@@ -157,6 +161,7 @@ class BodyTrack(ReprMixin):
             yield "angles", ", ".join(self.angles), ""
         for name, frames in self.gaps.items():
             yield f"gaps of {name}", len(frames), "frames"
+        yield from warned(self.warnings)
 
     @classmethod
     @validation.check_arguments
@@ -181,7 +186,8 @@ class BodyTrack(ReprMixin):
     def from_trc(cls, file: str | PathLike[str], *, up: str = "y") -> "BodyTrack":
         """Read all markers of a TRC file, as OpenSim, Pose2Sim and OpenCap write it, in metres.
 
-        Empty cells and nan are gaps. Markers without a name are left out.
+        Empty cells and nan are gaps. Markers without a name are left out, with a warning; so is
+        one if line 3 has other numbers of markers or frames than the table.
 
         Args:
             file: the file, text up to 64 MB.
@@ -212,8 +218,17 @@ class BodyTrack(ReprMixin):
         begin = 4 if lines[4].strip()[:1].isdigit() else 5
         width = 2 + 3 * (1 + places[-1])
         table = _table(source, lines, begin, width, 1, is_ragged=not is_packed)
+        said = dict(zip(lines[1].lower().split(), lines[2].split(), strict=False))
+        warnings = [
+            f"line 3 says {said[key]} {what}, and {count} are read"
+            for key, what, count in (
+                ("nummarkers", "markers", len(columns)), ("numframes", "frames", len(table)),
+            )
+            if said.get(key, str(count)) != str(count)
+        ]  # fmt: skip
         points = units[0] * with_gaps(table[:, 2:].reshape(len(table), -1, 3))
-        return cls(table[:, 1], [cells[k] for k in columns], _with_z_up(points[:, places], axis))
+        names, positions = [cells[k] for k in columns], _with_z_up(points[:, places], axis)
+        return cls(table[:, 1], names, positions, warnings=warnings)
 
     @classmethod
     @validation.check_arguments
@@ -222,7 +237,7 @@ class BodyTrack(ReprMixin):
 
         A file with `inDegrees=yes`, a SIMM header or a note about degrees has degrees in all
         columns except the translations, whose names end in `_tx`, `_ty` or `_tz`, or in these
-        and `/value` or `/speed`. Columns that share their name are left out.
+        and `/value` or `/speed`. Columns that share their name are left out, with a warning.
 
         Args:
             file: the file, text up to 64 MB.
@@ -254,7 +269,9 @@ class BodyTrack(ReprMixin):
             for name, column in zip(names[1:], table.T[1:], strict=True)
             if names.count(name) == 1
         }
-        return cls(table[:, 0], angles=angles)
+        doubled = dict.fromkeys(name for name in names if names.count(name) > 1)
+        warnings = [f"{names.count(name)} columns are named {name}: left out" for name in doubled]
+        return cls(table[:, 0], angles=angles, warnings=warnings)
 
 
 def _with_gaps(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
@@ -330,7 +347,8 @@ def _table(
         try:
             row = [float(cell.replace(",", ".")) if cell.strip() else math.nan for cell in cells]
         except ValueError:
-            raise FaultyFile(source, [f"line {number} must be numbers"]) from None
+            shown = validation.brief(cells)
+            raise FaultyFile(source, [f"line {number} is {shown}: it must be numbers"]) from None
         rows.append(row)
         numbers.append(number)
     if not rows:
@@ -340,5 +358,7 @@ def _table(
     before = np.append(-math.inf, times[:-1])
     late = np.flatnonzero(~(np.isfinite(times) & (times > before)))
     if late.size:
-        raise FaultyFile(source, [f"times must increase, at line {numbers[int(late[0])]}"])
+        k = int(late[0])
+        fault = f"line {numbers[k]} has the time {times[k]:.10g} after {before[k]:.10g}"
+        raise FaultyFile(source, [f"{fault}: times must increase"])
     return table

@@ -208,16 +208,17 @@ def _from_angles(
     q = np.empty((len(track), leg.nq))
     if floats:
         for name in ROTATIONS:
-            _check_angle(track, name)
+            check_angle(track, name)
         q[:, :7] = base_configurations(leg, track.angles)
     for joint, coordinate in angles.items():
         name = str(coordinate).removeprefix("-")
         if name not in track.angles:
             available = validation.brief(list(track.angles))
-            raise InvalidInput(f"angle {name!r} is not in the track: it has {available}")
+            left_out = "".join(f"; {line}" for line in track.warnings)
+            raise InvalidInput(f"angle {name!r} is not in the track: it has {available}{left_out}")
         sign = -1.0 if str(coordinate).startswith("-") else 1.0
         q[:, model.idx_qs[model.getJointId(joint)]] = sign * track.angles[name]
-        _check_angle(track, name)
+        check_angle(track, name)
     known_frames = np.isfinite(q).all(axis=1)
     if known_frames.sum() < LEAST_FRAMES:
         raise InvalidInput(
@@ -233,7 +234,7 @@ def _from_angles(
     )  # fmt: skip
 
 
-def _check_angle(track: BodyTrack, name: str) -> None:
+def check_angle(track: BodyTrack, name: str) -> None:
     """Raise `InvalidInput` for an angle that is in degrees."""
     largest = float(np.nanmax(np.abs(track.angles[name]), initial=0.0))
     if largest > LARGEST_ANGLE:

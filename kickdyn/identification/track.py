@@ -296,7 +296,7 @@ def _read_rows(lines: Sequence[str], names: Sequence[str]) -> tuple[Array, list[
             )
         elif len(marks) > 1 or (separator == "," and any("," in x for x in cells)):
             fault = f"{validation.brief(cells)}: write all decimals of the file with a point"
-        elif not all(abs(value) <= LARGEST for value in numbers):
+        elif not all(abs(x) * unit <= LARGEST for x, unit in zip(numbers, units, strict=True)):
             fault = (
                 f"{validation.brief(cells)}: all must be finite numbers up to {LARGEST:g}, times "
                 "in seconds"
@@ -359,6 +359,11 @@ def _rows_of_table(table: Any) -> tuple[Array, list[float]]:
     for place, _ in columns:
         values = np.asarray(table[labels[place]])
         try:
+            if values.dtype.kind in "mM":
+                raise InvalidInput(
+                    f"column {labels[place]} has the type {values.dtype}: it must be numbers, "
+                    "times in seconds"
+                )
             if values.dtype.kind not in "fiuO":
                 raise TypeError
             rows.append(values.astype(float))

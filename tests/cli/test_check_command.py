@@ -162,6 +162,11 @@ def test_markers_and_angles_of_text_files(written):
     assert seen["coordinate knee_angle_r"] == (pytest.approx([-12.0, 0.0]), "deg")
     assert seen["gaps of knee_angle_r"] == (3, "rows")
     assert seen["coordinate pelvis_tx"] == (pytest.approx([0.0, 0.2]), "m")
+    head = "inDegrees=no\nendheader\ntime\tknee_angle_r\tground_force_vy\n"
+    file = written("kick.mot", head + table.replace("0.2\t-12.0", "0.2\t-38"))
+    found = kd.check(file)
+    assert ["as in degrees" in line for line in found.problems] == [True]
+    assert found.rows[-2][:2] == ("column ground_force_vy", pytest.approx([0.0, 0.2]))
 
 
 def test_drives_and_scenes_say_what_they_have(written):

@@ -82,9 +82,23 @@ def test_a_mot_file_in_radians(tmp_path, header, unit):
     track = kd.BodyTrack.from_mot(file)
     assert track.times.tolist() == [0, 0.01, 0.02]
     assert set(track.angles) == {"knee_angle_r", "pelvis_tx", "/base/Pelvis_TY/value"}
+    assert track.warnings == ("2 columns are named a: left out",)
     assert track.angles["knee_angle_r"] * unit == pytest.approx([90, -45, 0])
     assert track.angles["pelvis_tx"] == pytest.approx([0.5, np.nan, 0.6], nan_ok=True)
     assert track.angles["/base/Pelvis_TY/value"] == pytest.approx([0.7, 0.8, 0.9])
+
+
+@pytest.mark.parametrize(("key", "number", "warned"), [
+    ("NumMarkers", 2, False), ("NumMarkers", 3, True), ("NumFrames", len(POINTS), False),
+    ("NumFrames", 99, True)])  # fmt: skip
+def test_other_numbers_in_the_header_of_a_trc_file_are_warned_of(tmp_path, key, number, warned):
+    lines = TRC.splitlines()
+    lines[1:3] = [f"Units\t{key}", f"cm\t{number}"]
+    (tmp_path / "kick.trc").write_text("\n".join(lines))
+    line = f"line 3 says {number} {key[3:].lower()}, and {2 if warned else number} are read"
+    if key == "NumFrames" and warned:
+        line = f"line 3 says 99 frames, and {len(POINTS)} are read"
+    assert kd.BodyTrack.from_trc(tmp_path / "kick.trc").warnings == ((line,) if warned else ())
 
 
 MOT = "inDegrees=no\nendheader\ntime\ta\n0\t1\n1\t2\n"
@@ -97,13 +111,13 @@ MOT = "inDegrees=no\nendheader\ntime\ta\n0\t1\n1\t2\n"
     ("trc", TRC.replace("a\t\t\tb", "\t\t\t"), "line 4 must name", ("Time", "Time\ta")),
     ("trc", TRC.replace("a\t\t\tb", "a\tb\tc"), "line 7 has 8 cells.* 11", ("a\tb\tc", "a\tb")),
     ("trc", TRC.replace("\t", " ").replace(" 200.0", ""), "line 7 has 7.* 8", ("1 0", "1 0 0")),
-    ("trc", TRC.replace("0.01", "0.00"), "times must increase, at line 8", ("0.00\t", "0.01\t")),
-    ("trc", TRC.replace("100.0", "x"), "line 7 must be numbers", ("x", "100.0")),
+    ("trc", TRC.replace("0.01", "0.00"), "line 8 .* 0 after 0.*increase", ("0.00\t", "0.01\t")),
+    ("trc", TRC.replace("100.0", "x"), "line 7 is .*'-?x'.* must be numbers", ("x", "100.0")),
     ("mot", MOT.replace("endheader", ""), "must have a line endheader", ("=no", "=no\nendheader")),
     ("mot", MOT.replace("time\ta", "a\ttime"), "line 3 .*time first", ("a\ttime", "time\ta")),
     ("mot", MOT.replace("=no", "=maybe"), "'maybe'.* yes or no", ("maybe", "yes")),
     ("mot", MOT.replace("\ta\n", "\ta\tb\n"), "line 4 has 2 cells.* 3", ("\ta\tb", "\ta")),
-    ("mot", MOT.replace("1\t2", "0\t2"), "increase, at line 5", ("0\t2", "1\t2")),
+    ("mot", MOT.replace("1\t2", "0\t2"), "line 5 .* 0 after 0.*increase", ("0\t2", "1\t2")),
     ("mot", "endheader\ntime a\n", "no row", ("a\n", "a\n0 1\n"))], ids=range(14))  # fmt: skip
 def test_a_file_is_refused_with_advice_that_helps(tmp_path, ending, text, message, remedy):
     file, read = tmp_path / f"kick.{ending}", getattr(kd.BodyTrack, f"from_{ending}")

@@ -113,6 +113,19 @@ def test_csv_files_of_all_dialects_are_one_track(tmp_path, text):
     agrees(np.column_stack([track.times, track.positions]), ROWS, closed_form())
 
 
+@pytest.mark.parametrize("kind", ["datetime64[ns]", "timedelta64[ns]"])
+def test_times_of_a_table_that_are_no_seconds_are_refused(kind):
+    table = pd.DataFrame(ROWS, columns=list("txyz")).assign(t=np.arange(len(ROWS)).astype(kind))
+    with pytest.raises(kd.InvalidInput, match=r"column t .*64.*numbers, times in seconds"):
+        kd.Track(table)
+
+
+def test_times_of_a_clock_in_milliseconds_are_read(tmp_path):
+    file = tmp_path / "track.csv"
+    file.write_text("t [ms],x,y,z\n1700000000000,0,0,1\n1700000000100,1,0,1\n")
+    agrees(np.diff(kd.Track.from_csv(file).times), [0.1], closed_form(1e10))
+
+
 @pytest.mark.parametrize(("text", "message", "columns", "remedy"), [
     ("t,x,y\n0,1,2\n", r"\['t', 'x', 'y'\].*'z'", "txyy", ()),
     ("t,x,y,x,z\n0,1,2,1,3\n", "once each", "tyyz", ()),

@@ -18,7 +18,7 @@ from kickdyn.core import validation
 from kickdyn.core.files import check_file, finite, read_text, read_toml
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
-from kickdyn.errors import FaultyFile, InvalidInput
+from kickdyn.errors import FaultyFile, InvalidInput, printable
 from kickdyn.identification.body_track import TRANSLATION, BodyTrack
 from kickdyn.identification.fit_motion import check_angle
 from kickdyn.identification.segments import segments
@@ -160,7 +160,9 @@ def check(path: str | PathLike[str], package_dirs: Iterable[str | PathLike[str]]
         with np.errstate(all="ignore"):  # a file may have numbers of any size
             read(found)
     except InvalidInput as error:
-        found.problems += error.faults
+        source = error.source if isinstance(error, FaultyFile) else printable(name)
+        where = "" if source == printable(name) else f"{source}: "  # of a file that it includes
+        found.problems += [where + fault for fault in error.faults]
     return FileCheck(found.kind, tuple(found.rows), tuple(found.problems), tuple(found.commands))
 
 

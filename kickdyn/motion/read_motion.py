@@ -212,6 +212,8 @@ def read_motion(
             f"has times that are {np.median(np.diff(t)):.4g} s apart in the median: at {rate:g} Hz "
             f"all must be {1.0 / rate:.4g} s apart"
         )
+    if table.rate is not None and not math.isclose(rate, table.rate, rel_tol=0.01):
+        raise table.fault(f"has frames at {table.rate:g} Hz, and rate is {rate:g} Hz: leave it out")
     if contact is not None:
         contact = validation.number(
             "contact", contact, at_least=float(t[0]), at_most=float(t[-1]), unit="s"

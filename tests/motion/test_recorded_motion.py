@@ -131,6 +131,8 @@ def test_bodies_of_a_file_say_whether_the_joints_have_the_order_of_the_model(tmp
         agrees(kd.read_motion(file, BIPED, joints=joints).q, table, closed_form(10))
     named, _ = beyond_mimic(tmp_path, order, joint_names=order)
     agrees(kd.read_motion(named, BIPED).q, table, closed_form(10))
+    with pytest.raises(kd.InvalidInput, match="frames at 100 Hz, and rate is 30 Hz"):
+        kd.read_motion(named, BIPED, rate=30)
     csv = written(tmp_path, np.hstack([table[:, :7], np.load(file)["joint_pos"]]),
                   head=",".join(["x", "y", "z", "qx", "qy", "qz", "qw", *order]))  # fmt: skip
     agrees(kd.read_motion(csv, BIPED, rate=RATE).q, table, closed_form(10))

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import accumulate
 from typing import Any
 
@@ -22,23 +22,17 @@ from kickdyn.restitution import describe_restitution
 from kickdyn.robot.standing import is_floating
 from kickdyn.scene.effects import Effect, EffectSize, effects_of
 from kickdyn.scene.launch_and_end import (
-    LARGEST_TOLERANCE,
     SMALLEST_TOLERANCE,
     STATUSES_WITH_END,
     collide_scene,
     collision_error,
     contact_time_error,
-    contact_time_size,
     contact_tolerance,
     end_error,
     end_of,
     end_slopes,
-    expected_end_error,
-    first_flight,
     fly_scene,
-    least_duration,
     path_error,
-    relative_error,
     strike_scene,
 )
 from kickdyn.scene.pitch import Passage, Score, passage_on, score_at
@@ -372,55 +366,33 @@ def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
     instant = strike_scene(scene)
     if tolerance is None or not scene.is_compliant:
         return _with_path(scene, tolerance, instant)
-    allowed, launch = CONTACT_SHARE * tolerance, instant.ball_after
-    least = least_duration(scene, launch)
-    launch_error = contact_time_error(scene, instant, allowed / least if least else math.inf)
-    may_neglect = launch_error.velocity < math.inf
-    tol = SMALLEST_TOLERANCE
+    allowed, tol = CONTACT_SHARE * tolerance, SMALLEST_TOLERANCE
     with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
-        if scene.is_followed:
-            # a path that bounces and rolls costs as much as a contact: it is not followed in vain
-            flight = first_flight(scene, launch)
-            expected = partial(expected_end_error, scene, flight)
-            tol = contact_tolerance(scene, launch, expected, 0.1 * allowed)
-            tol = min(max(tol, 0.1 * allowed / relative_error(launch)), LARGEST_TOLERANCE)
-            if may_neglect:
-                may_neglect = expected(launch_error) <= allowed
-        if may_neglect or not scene.is_followed:
-            answer = _with_path(scene, tolerance, instant)
-            end_error_of = partial(end_error, scene, answer.path)
-            if may_neglect:
-                size = contact_time_size(scene, instant, answer.path, launch_error, allowed)
-                # where the path ends at once, the launch with contact time may well fly
-                if size <= allowed and answer.path.duration > 0.0:
-                    return replace(answer, model_error=size)
-            tol = contact_tolerance(scene, launch, end_error_of, ERROR_SHARE * allowed)
-    return _collide_to(scene, tolerance, tol)
+        path = fly_scene(scene, instant.ball_after)
+        size = end_error(scene, path, contact_time_error(scene, instant))
+        # where the path ends at once, the launch with contact time may well fly
+        if size <= allowed and path.duration > 0.0:
+            return _with_path(scene, tolerance, instant, path, size)
+        tol = contact_tolerance(scene, path, ERROR_SHARE * allowed)
+    answer = _with_path(scene, tolerance, collide_scene(scene, tol))
+    error = end_error(scene, answer.path, collision_error(scene, answer.launch, tol))
+    if allowed < error < math.inf and tol > SMALLEST_TOLERANCE:
+        answer = _with_path(scene, tolerance, collide_scene(scene, SMALLEST_TOLERANCE))
+    return answer
 
 
-def _with_path(scene: Scene, tolerance: float | None, impact: Impact | Collision) -> Simulation:
-    path, spread = fly_scene(scene, impact.ball_after), None
+def _with_path(
+    scene: Scene,
+    tolerance: float | None,
+    impact: Impact | Collision,
+    path: Flight | Course | None = None,
+    model_error: float = 0.0,
+) -> Simulation:
+    path = path or fly_scene(scene, impact.ball_after)
+    spread = None
     if scene.uncertainty:
         spread = strike_scene(scene).uncertainty(**scene.uncertainty)
-    return Simulation(scene, tolerance, impact, path, spread)
-
-
-def _collide_to(scene: Scene, tolerance: float, tol: float) -> Simulation:
-    """Return a simulation by a contact that takes time, as exact as the end requires [m].
-
-    `tol` is the relative tolerance of the first attempt of the integrator.
-    """
-    allowed = CONTACT_SHARE * tolerance
-    for attempt in range(3):
-        answer = _with_path(scene, tolerance, collide_scene(scene, tol))
-        end_error_of = partial(end_error, scene, answer.path)
-        error = end_error_of(collision_error(scene, answer.launch, tol))
-        if error <= allowed or tol == SMALLEST_TOLERANCE or math.isinf(error):
-            break
-        # many attempts cost more than the best
-        tol = contact_tolerance(scene, answer.launch, end_error_of, ERROR_SHARE * allowed)
-        tol = SMALLEST_TOLERANCE if attempt else tol
-    return answer
+    return Simulation(scene, tolerance, impact, path, spread, model_error)
 
 
 def simulate_as_instant(scene: Scene) -> Simulation:

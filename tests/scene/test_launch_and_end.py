@@ -124,8 +124,6 @@ def test_in_a_vacuum_the_error_of_an_end_is_that_of_the_parabola():
     error = module.end_error(scene, path, module.LaunchError(change, 0, 0.02))
     assert error == pytest.approx(right)
     assert module.end_error(scene, path, module.LaunchError(math.inf, 0.0, 0.0)) == math.inf
-    assert module.least_duration(scene, LAUNCH) == pytest.approx(v[2] / GRAVITY)  # half of it
-    assert module.least_duration(scene_of(air=WIND), LAUNCH) == 0.0
 
 
 def test_an_error_of_the_spin_moves_the_end_by_half_the_change_of_lift_times_the_time_squared():
@@ -143,10 +141,8 @@ def test_an_error_of_the_spin_moves_the_end_by_half_the_change_of_lift_times_the
 
 def test_the_error_of_an_end_after_bounces_is_that_of_the_first_flight_and_of_what_lasts():
     """Velocities after a bounce are wrong by the spin, too, in the air and on the ground."""
-    scene, error = (
-        scene_of(ground=replace(LEVEL, surface="turf")),
-        module.LaunchError(0.1, 2.0, 0.0),
-    )
+    scene = scene_of(ground=replace(LEVEL, surface="turf"))
+    error = module.LaunchError(0.1, 2.0, 0.0)
     course = module.fly_scene(scene, LAUNCH)
     first, slant = course.flights[0], size(LAUNCH.velocity) / LAUNCH.velocity[2]
     bounced = 0.1 * first.duration * slant
@@ -155,17 +151,3 @@ def test_the_error_of_an_end_after_bounces_is_that_of_the_first_flight_and_of_wh
     right = bounced + module.BOUNCE_SAFETY * (0.1 + scene.ball.radius * 2.0) * later
     found = module.end_error(scene, course, error)
     assert found == pytest.approx(module.END_SAFETY * right, rel=integrated(1e-8))
-
-
-@pytest.mark.parametrize("surface", ["turf", "carpet"])
-def test_the_error_of_a_path_that_bounces_is_known_roughly_from_its_first_flight(surface):
-    scene = scene_of(ground=replace(LEVEL, surface=surface))
-    for velocity in (LAUNCH.velocity, (1, 0, 8)):  # which rolls long, and which bounces long
-        launch, error = kd.BallState((0, 0, 1), velocity), module.LaunchError(0.0, 0.1, 0.0)
-        flight = module.first_flight(scene, launch)
-        right = module.end_error(scene, module.fly_scene(scene, launch), error)
-        expected = module.expected_end_error(scene, flight, error)
-        assert expected == pytest.approx(right, rel=0.05)
-    windy = scene_of(air=kd.Air(wind=(20, 0, 0)), ground=replace(LEVEL, surface="hard-floor"))
-    flight = module.first_flight(windy, LAUNCH)
-    assert module.expected_end_error(windy, flight, error) == math.inf

@@ -62,14 +62,14 @@ from .robot.foot_surfaces import kick_with as kick_with
 from .robot.leg import Leg as Leg
 from .robot.leg import Posture as Posture
 from .robot.leg_model import Drive as Drive
-from .scene.pitch import Wall as Wall
 from .scene.scene import Compliance as Compliance
 from .scene.scene import Scene as Scene
+from .scene.scene import Wall as Wall
 from .scene.simulate import Simulation as Simulation
 from .scene.simulate import simulate as simulate
 from .scene.simulate_many import simulate_many as simulate_many
 from .scene.toml_reader import load_scene as load_scene
-from .simulators.disturbance import KickNoise as KickNoise
+from .simulators.mujoco_field import KickNoise as KickNoise
 from .simulators.noisy_runs import run_with_noise as run_with_noise
 from .simulators.refine_kick import refine_kick as refine_kick
 from .simulators.run_in_mujoco import MujocoRun as MujocoRun

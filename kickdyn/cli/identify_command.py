@@ -8,7 +8,7 @@ import numpy as np
 
 from kickdyn.aerodynamics.drag import MODELS
 from kickdyn.air import Air
-from kickdyn.cli.command import Command, busy
+from kickdyn.cli.commands import Command, busy
 from kickdyn.cli.option_groups import BallOptions, OutputOptions, option, read_drag, takes
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.ground import Ground
@@ -136,7 +136,7 @@ def identify(
     if fits:
         output.save_plot(longest_first[0].result.plot)
     if output.view is not None and fits:
-        from kickdyn.view.comparison import MOST_FLIGHTS  # imports meshcat
+        from kickdyn.view.caption import MOST_FLIGHTS  # imports meshcat
         from kickdyn.view.page import page
 
         shown = sorted(longest_first[:MOST_FLIGHTS])

@@ -16,7 +16,7 @@ from kickdyn.aerodynamics.coefficient_model import constant_limits, find_model
 from kickdyn.aerodynamics.drag import MODELS as DRAG_MODELS
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
-from kickdyn.cli.command import check_page_name
+from kickdyn.cli.commands import check_page_name
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json

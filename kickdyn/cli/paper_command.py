@@ -4,7 +4,7 @@ from itertools import chain
 
 import click
 
-from kickdyn.cli.command import Command, busy
+from kickdyn.cli.commands import Command, busy
 from kickdyn.cli.option_groups import JsonOptions, takes
 from kickdyn.paper.item import Item
 from kickdyn.paper.reproduce import chosen, show

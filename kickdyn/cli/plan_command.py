@@ -9,7 +9,7 @@ import numpy as np
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.cli.command import Command, busy, print_wrapped, warn
+from kickdyn.cli.commands import Command, busy, print_wrapped, warn
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
@@ -39,7 +39,7 @@ from kickdyn.planning.plan_report import (
 )
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
-from kickdyn.scene.pitch import Wall, check_before, read_wall
+from kickdyn.scene.scene import Wall, check_before, read_wall
 
 if TYPE_CHECKING:
     from kickdyn.simulators.noisy_runs import NoisyRuns

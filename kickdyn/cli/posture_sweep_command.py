@@ -12,7 +12,7 @@ from typing import Any
 import click
 import xarray as xr
 
-from kickdyn.cli.command import Command, warn
+from kickdyn.cli.commands import Command, warn
 from kickdyn.cli.leg_options import SHIPPED, LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,

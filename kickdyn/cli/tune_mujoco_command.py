@@ -7,7 +7,7 @@ from typing import Any
 import click
 import numpy as np
 
-from kickdyn.cli.command import Command, busy, print_wrapped
+from kickdyn.cli.commands import Command, busy, print_wrapped
 from kickdyn.cli.option_groups import JsonOptions, option, scene_argument, takes
 from kickdyn.core.files import replacing
 from kickdyn.errors import InvalidInput

@@ -35,8 +35,7 @@ from kickdyn.scene.launch_and_end import (
     path_error,
     strike_scene,
 )
-from kickdyn.scene.pitch import Passage, Score, passage_on, score_at
-from kickdyn.scene.scene import Scene
+from kickdyn.scene.scene import Passage, Scene, Score, passage_on, score_at
 
 CONTACT_SHARE = 0.9
 """Fraction of the tolerance for a neglected contact time, or else for its integrator; flights are

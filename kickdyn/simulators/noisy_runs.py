@@ -12,7 +12,7 @@ from kickdyn.core.files import finite
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.simulators.disturbance import KickNoise
+from kickdyn.simulators.mujoco_field import KickNoise
 from kickdyn.simulators.run_in_mujoco import MujocoRun, run_in_mujoco
 from kickdyn.simulators.striking_foot import Foot
 from kickdyn.simulators.tune_mujoco import MujocoTuning

@@ -24,8 +24,7 @@ from kickdyn.plane import Plane
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.robot.mjcf_file import quiet_mujoco
 from kickdyn.robot.standing import StandingRobot, is_floating, sole_edges
-from kickdyn.simulators.disturbance import KickNoise, draw
-from kickdyn.simulators.mujoco_field import MujocoField
+from kickdyn.simulators.mujoco_field import KickNoise, MujocoField, draw
 from kickdyn.simulators.mujoco_kick import load_mujoco
 from kickdyn.simulators.striking_foot import Foot, find_foot, plate
 from kickdyn.simulators.tune_mujoco import MujocoTuning, tune_mujoco

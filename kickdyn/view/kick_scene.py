@@ -21,7 +21,17 @@ from kickdyn.robot.ground_clearance import find_depths, shape_of
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.standing import hold_support
 from kickdyn.view import marks
-from kickdyn.view.camera import (
+from kickdyn.view.document import draw_label
+from kickdyn.view.leg_figure import (
+    DrawnRun,
+    SimulatedRun,
+    draw_leg,
+    draw_run,
+    draw_run_curve,
+    joint_poses,
+    move_run,
+)
+from kickdyn.view.marks import (
     UP_AXIS,
     Camera,
     box_corners,
@@ -30,9 +40,6 @@ from kickdyn.view.camera import (
     set_stage,
     stripe_width,
 )
-from kickdyn.view.document import draw_label
-from kickdyn.view.leg_figure import draw_leg, joint_poses
-from kickdyn.view.run_scene import DrawnRun, SimulatedRun, draw_run, draw_run_curve, move_run
 from kickdyn.view.wall_and_goal import Box, draw_box
 
 LEAST_TEE_HEIGHT = 5e-3

@@ -32,14 +32,11 @@ from kickdyn.robot.leg import Leg, Posture
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.view import marks
-from kickdyn.view.camera import box_corners, camera_for, set_stage, stripe_width
-from kickdyn.view.caption import kick_panel, panel_of
-from kickdyn.view.comparison import draw_flights
-from kickdyn.view.document import DrawnScene, html_document, recording_viewer, save_picture
-from kickdyn.view.gltf import to_glb
+from kickdyn.view.caption import draw_flights, kick_panel, panel_of
+from kickdyn.view.document import DrawnScene, html_document, recording_viewer, save_picture, to_glb
 from kickdyn.view.kick_scene import RATE, Pace, draw_kick
-from kickdyn.view.leg_figure import draw_leg, joint_poses
-from kickdyn.view.run_scene import SimulatedRun
+from kickdyn.view.leg_figure import SimulatedRun, draw_leg, joint_poses
+from kickdyn.view.marks import box_corners, camera_for, set_stage, stripe_width
 from kickdyn.view.wall_and_goal import Box, plane_boxes, wall_boxes
 
 FRAME_HEIGHT = 600

@@ -31,14 +31,6 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.leg import Posture
 from kickdyn.view import marks
-from kickdyn.view.camera import (
-    UP_AXIS,
-    box_corners,
-    camera_for,
-    level_direction,
-    set_stage,
-    stripe_width,
-)
 from kickdyn.view.caption import kick_panel
 from kickdyn.view.document import html_document, recording_viewer, scene_parts
 from kickdyn.view.kick_scene import (
@@ -51,6 +43,14 @@ from kickdyn.view.kick_scene import (
     largest_impulse,
 )
 from kickdyn.view.leg_figure import draw_leg, joint_poses
+from kickdyn.view.marks import (
+    UP_AXIS,
+    box_corners,
+    camera_for,
+    level_direction,
+    set_stage,
+    stripe_width,
+)
 from kickdyn.view.page import FRAME_HEIGHT, Page, page
 
 CURVE_POINTS = 60

@@ -19,8 +19,7 @@ from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.standing import StandingRobot
 from kickdyn.simulators import refine_kick as refinement
 from kickdyn.simulators import run_in_mujoco as module
-from kickdyn.simulators.disturbance import Disturbance, draw
-from kickdyn.simulators.mujoco_field import MujocoField
+from kickdyn.simulators.mujoco_field import Disturbance, MujocoField, draw
 from kickdyn.simulators.noisy_runs import NoisyRuns
 
 pytest.importorskip("mujoco")

@@ -211,8 +211,7 @@ def _compare_functions(output: PlotOptions) -> None:
     units = {"seconds": "s", "seconds_alike": "s", "rounding": "1", "model": "1"}
     numbers = "rounding", "model", "seconds_alike"
     functions = [
-        dataclasses.asdict(row) | {name: finite(getattr(row, name)) for name in numbers}
-        for row in rows
+        row._asdict() | {name: finite(getattr(row, name)) for name in numbers} for row in rows
     ]
     output.write_json({"units": units, "functions": functions})
     if output.prints:

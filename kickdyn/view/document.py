@@ -12,11 +12,10 @@ import math
 import os
 import re
 import shutil
-import struct
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from html import escape
 from importlib.resources import files
 from itertools import count
@@ -111,12 +110,9 @@ def draw_label(
 
 
 class SceneParts(NamedTuple):
-    """Scenes as a page has them.
+    """Scenes as a page has them: `numbers` of the packed commands, each once, and HTML.
 
-    Attributes:
-        numbers: of the packed commands, each of which a page has once.
-        scenes: of each, the numbers of its commands in order, and `times` of its animation.
-        labels, buttons, panels: HTML.
+    `scenes` has of each the numbers of its commands in order, and `times` of its animation.
     """
 
     numbers: dict[bytes, int]
@@ -132,13 +128,9 @@ def scene_parts(
     known: Mapping[bytes, int] = MappingProxyType({}),
     first_number: int = 0,
 ) -> SceneParts:
-    """Return the parts of a page.
+    """Return the parts of a page of scenes, and a button with a plain name for each of several.
 
-    Args:
-        scenes: that it shows.
-        names: plain text of the buttons that choose a scene, one for each of several.
-        known: numbers of commands that have one.
-        first_number: of the commands that have none.
+    Commands without a `known` number get numbers from `first_number` on.
     """
     numbers: dict[bytes, int] = {}
     next_number = count(first_number)
@@ -167,13 +159,9 @@ def scene_parts(
 def html_document(
     title: str, scenes: Sequence[DrawnScene], names: Sequence[str] = (), *, is_live: bool = False
 ) -> str:
-    """Return a page that shows the first of some scenes.
+    """Return a page that shows the first of some scenes, among which buttons with names choose.
 
-    Args:
-        title: plain text.
-        scenes: that buttons choose among.
-        names: plain text of the buttons, one for each of several scenes.
-        is_live: whether it takes scenes from the server that it comes from (`View`).
+    If it is live, it takes scenes from the server that it comes from (`View`).
     """
     parts = scene_parts(scenes, names)
     values = {
@@ -282,7 +270,6 @@ def to_glb(recorder: Recorder) -> bytes:
             case "set_animation":
                 clips = {clip["path"]: clip["clip"] for clip in command["animations"]}
     scene: Any = trimesh.Scene()
-    nodes: set[str] = set()
     scene.graph.update("kickdyn", "world", matrix=Y_UP)
     for path, lowered in drawn.items():
         mesh = _mesh(lowered)
@@ -291,80 +278,51 @@ def to_glb(recorder: Recorder) -> bytes:
         names, parent = path.split("/"), "kickdyn"
         for depth in range(1, len(names) + 1):
             upper = "/".join(names[:depth])
-            pose, name = poses.get(upper, np.eye(4)), upper.replace("/", "_")
-            if name not in nodes:
-                scene.graph.update(name, parent, matrix=pose)
-                nodes.add(name)
+            name = upper.replace("/", "_")
+            scene.graph.update(name, parent, matrix=poses.get(upper, np.eye(4)))
             parent = name
         placement = np.reshape(lowered["object"]["matrix"], (4, 4)).T
         name = f"{parent}_mesh"
         scene.add_geometry(
             mesh, node_name=name, geom_name=name, parent_node_name=parent, transform=placement
         )
-    animated = {path.removeprefix(ROOT).replace("/", "_"): clip for path, clip in clips.items()}
-    content = bytes(scene.export(file_type="glb"))
-    return _animated(content, {name: clip for name, clip in animated.items() if name in nodes})
+    named = {path.removeprefix(ROOT).replace("/", "_"): clip for path, clip in clips.items()}
+    return bytes(scene.export(file_type="glb", buffer_postprocessor=partial(_animate, named)))
 
 
-def _animated(content: bytes, clips: dict[str, dict[str, Any]]) -> bytes:
-    """Return binary glTF with the clips of meshcat as an animation of the nodes they name."""
-    if not clips:
-        return content
-    (length,) = struct.unpack_from("<I", content, 12)
-    tree, blob = json.loads(content[20 : 20 + length]), bytearray(content[28 + length :])
-    animation: dict[str, Any] = {"name": "kick", "channels": [], "samplers": []}
+def _animate(clips: dict[str, Any], buffers: dict[Any, bytes], tree: dict[str, Any]) -> None:
+    """Add clips of meshcat to a tree of glTF, by the names of nodes, and numbers to its buffers."""
+    channels: list[dict[str, Any]] = []
+    samplers: list[dict[str, Any]] = []
+
+    def accessor(numbers: Array) -> int:
+        array = np.asarray(numbers, dtype="<f4")
+        rows, key = array.reshape(len(array), -1), ("animation", len(buffers))
+        tree["accessors"][key] = {
+            "bufferView": len(buffers), "componentType": FLOAT, "count": len(array),
+            "type": "SCALAR" if array.ndim == 1 else f"VEC{array.shape[1]}",
+            "min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist(),
+        }  # fmt: skip
+        buffers[key] = array.tobytes()
+        return len(tree["accessors"]) - 1
+
     for number, node in enumerate(tree["nodes"]):
         clip = clips.get(node.get("name", ""))
         if clip is None:
             continue
-        _take_apart(node)
+        # an animation cannot move a matrix, only its three factors
+        pose = np.reshape(node.pop("matrix", np.eye(4)), (4, 4)).T
+        scale = np.linalg.norm(pose[:3, :3], axis=0)
+        node["translation"], node["scale"] = pose[:3, 3].tolist(), scale.tolist()
+        node["rotation"] = Rotation.from_matrix(pose[:3, :3] / scale).as_quat().tolist()
         for track in clip["tracks"]:
             frames, indices = np.unique([key["time"] for key in track["keys"]], return_index=True)
             values = np.array([track["keys"][k]["value"] for k in indices])
-            sampler = {
-                "input": _append(tree, blob, frames / clip["fps"]),
-                "output": _append(tree, blob, values),
-            }
             target = {"node": number, "path": TARGETS[track["name"]]}
-            animation["channels"].append({"sampler": len(animation["samplers"]), "target": target})
-            animation["samplers"].append(sampler)
-    tree["animations"] = [animation]
-    tree["buffers"][0]["byteLength"] = len(blob)
-    text = json.dumps(tree).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text
-    chunks += struct.pack("<I4s", len(blob), b"BIN\0") + blob
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
-
-
-def _take_apart(node: dict[str, Any]) -> None:
-    """Replace the matrix of a node, which an animation cannot move, by its three factors."""
-    pose = np.reshape(node.pop("matrix", np.eye(4)), (4, 4)).T
-    scale = np.linalg.norm(pose[:3, :3], axis=0)
-    node["translation"] = pose[:3, 3].tolist()
-    node["rotation"] = Rotation.from_matrix(pose[:3, :3] / scale).as_quat().tolist()
-    node["scale"] = scale.tolist()
-
-
-def _append(tree: dict[str, Any], blob: bytearray, numbers: Array) -> int:
-    """Append an array to the buffer; return the number of its accessor."""
-    array = np.asarray(numbers, dtype="<f4")
-    view = {"buffer": 0, "byteOffset": len(blob), "byteLength": array.nbytes}
-    blob += array.tobytes()
-    tree["bufferViews"].append(view)
-    kind = "SCALAR" if array.ndim == 1 else f"VEC{array.shape[1]}"
-    rows = array.reshape(len(array), -1)
-    ends = {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
-    tree["accessors"].append(
-        {
-            "bufferView": len(tree["bufferViews"]) - 1,
-            "componentType": FLOAT,
-            "count": len(array),
-            "type": kind,
-            **ends,
-        }
-    )
-    return len(tree["accessors"]) - 1
+            channels.append({"sampler": len(samplers), "target": target})
+            samplers.append({"input": accessor(frames / clip["fps"]), "output": accessor(values)})
+    if channels:
+        tree["animations"] = [{"name": "kick", "channels": channels, "samplers": samplers}]
 
 
 def _mesh(lowered: dict[str, Any]) -> Any:
@@ -379,16 +337,16 @@ def _mesh(lowered: dict[str, Any]) -> Any:
             mesh = trimesh.creation.uv_sphere(geometry["radius"], count=[SEGMENTS, SEGMENTS])
         case "CylinderGeometry":
             half, top, bottom = (
-                float(geometry[name]) for name in ("height", "radiusTop", "radiusBottom")
+                0.5 * geometry["height"],
+                geometry["radiusTop"],
+                geometry["radiusBottom"],
             )
-            half /= 2
             profile = [(0.0, -half), (bottom, -half), (top, half), (0.0, half)]
             mesh = trimesh.creation.revolve(profile, sections=SEGMENTS)  # about z; three.js's is y
             mesh.apply_transform(Z_TO_Y)
         case _:
             mesh = _triangles(geometry["data"])
-    colour = int(material.get("color", 0xFFFFFF))
-    rgb = [colour >> 16 & 255, colour >> 8 & 255, colour & 255]
+    rgb = int(material.get("color", 0xFFFFFF)).to_bytes(3)
     alpha = round(255 * float(material.get("opacity", 1.0)))
     if not material.get("vertexColors"):
         looks: Any = trimesh.visual

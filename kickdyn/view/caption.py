@@ -13,17 +13,8 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.view import marks
-from kickdyn.view.kick_scene import CURVE_POINTS, CURVE_RADIUS, JOINT_ARROW, LEAST_JOINT_IMPULSE
-from kickdyn.view.marks import (
-    ARROW,
-    CURVE,
-    UP_AXIS,
-    box_corners,
-    camera_for,
-    level_direction,
-    set_stage,
-    stripe_width,
-)
+from kickdyn.view.kick_scene import JOINT_ARROW, LEAST_JOINT_IMPULSE
+from kickdyn.view.leg_figure import CURVE_POINTS
 
 FOLDED_CHARACTERS = 300
 """Number of characters from which the sentences below the table are folded."""
@@ -107,7 +98,7 @@ def _impact_rows(impact: Impact) -> list[Row]:
     if spin < 1e-12 * speed / impact.ball.radius:  # rounding
         spin = 0.0
     rows = [
-        (f"impulse on ball {colour_key(ARROW)}", f"{np.linalg.norm(impact.impulse):.4g} N s"),
+        (f"impulse on ball {colour_key(marks.ARROW)}", f"{np.linalg.norm(impact.impulse):.4g} N s"),
         (f"worst joint {colour_key(JOINT_ARROW)}", f"{size:.4g} N s at {_name(name)}"),
         ("effective mass", f"{impact.effective_mass:.4g} kg"),
         ("foot speed", f"{np.linalg.norm(impact.foot_velocity):.4g} m/s"),
@@ -124,7 +115,7 @@ def _path_rows(path: Flight | Course) -> list[Row]:
     if isinstance(path, Course):
         methods = "; ".join(dict.fromkeys(flight.method for flight in path.flights))
         return [
-            (f"path {colour_key(CURVE)}", f"{path.distance:.4g} m along the ground"),
+            (f"path {colour_key(marks.CURVE)}", f"{path.distance:.4g} m along the ground"),
             ("time", f"{path.duration:.4g} s"),
             ("final speed", f"{float(path.rest.speed):.4g} m/s"),
             ("flight", escape(methods)),
@@ -132,7 +123,7 @@ def _path_rows(path: Flight | Course) -> list[Row]:
     aloft = " (still aloft)" if path.status == "aloft" else ""
     length = "distance" if path.status == "at-plane" else "range"
     return [
-        (f"{length} {colour_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
+        (f"{length} {colour_key(marks.CURVE)}", f"{path.range:.4g} m{aloft}"),
         ("flight time", f"{path.duration:.4g} s"),
         ("flight", escape(path.method)),
     ]
@@ -172,24 +163,26 @@ def draw_flights(
     start = reference.launch.position
     radius = (reference.flights[0] if isinstance(reference, Course) else reference).ball.radius
     distances = np.hypot(*(points - points[0])[:, :2].T)
-    length, forward = distances.max(), level_direction(points[distances.argmax()] - points[0])
+    length, forward = distances.max(), marks.level_direction(points[distances.argmax()] - points[0])
     size = max(float(np.ptp(points, axis=0).max()), radius)
-    foreground = box_corners(np.array([start, start + 0.3 * size * UP_AXIS]), 0.02 * size)
-    camera = camera_for(foreground, box_corners(points, radius), forward)
-    set_stage(viewer, camera, points)
+    foreground = marks.box_corners(
+        np.array([start, start + 0.3 * size * marks.UP_AXIS]), 0.02 * size
+    )
+    camera = marks.camera_for(foreground, marks.box_corners(points, radius), forward)
+    marks.set_stage(viewer, camera, points)
     rows = []
     for number, (name, path) in enumerate(paths.items()):
         curve, colour = curves[number], COLOURS[number]
-        width = 1.5 * CURVE_RADIUS * camera.distance(curve)
+        width = 1.5 * camera.curve_width(curve)
         marks.draw_curve(
-            viewer[f"curve/{number}"], curve, width, np.cross(forward, UP_AXIS), colour
+            viewer[f"curve/{number}"], curve, width, np.cross(forward, marks.UP_AXIS), colour
         )
         if name in measured:
             dots = measured[name][:: max(len(measured[name]) // MOST_DOTS, 1)]
             marks.draw_dots(viewer[f"dots/{number}"], dots, 0.0035 * size, DOT_COLOUR)
         rows.append((f"{colour_key(colour)} {escape(name)}", _length(path)))
     marks.draw_ball(viewer["ball"], radius, start)
-    stripe = stripe_width(size)
+    stripe = marks.stripe_width(size)
     floor = np.array([*start[:2], points[:, 2].min() - radius])
     marks.draw_ground(viewer["ground"], floor, forward, stripe, 3 * size)
     marks.draw_distances(viewer["distances"], floor, forward, stripe, length)

@@ -67,6 +67,14 @@ def joint_poses(leg: Leg, q: Array) -> list[Array]:
     return [np.eye(4)] + [data.oMi[joint].homogeneous for joint in range(1, model.njoints)]
 
 
+def move_leg(frame: Any, node: str, leg: Leg, q: Array) -> list[Array]:
+    """Put a leg at a configuration, in a frame of an animation; return the poses of its joints."""
+    poses = joint_poses(leg, q)
+    for joint, pose in list(enumerate(poses))[1:]:
+        frame[f"{node}/{joint}"].set_transform(pose)
+    return poses
+
+
 def draw_leg(viewer: Any, leg: Leg, q: Array) -> Array:
     """Draw a leg at a configuration; joint number i is the node `viewer[str(i)]`.
 
@@ -104,10 +112,8 @@ def _draw_person(viewer: Any, leg: Leg) -> None:
     The hip of such a leg is fixed. The figure has no part in any computation.
     """
     model = leg.workspace.model
-    if not (leg.name or "").startswith("leg_human") or "knee" not in model.names:
-        return
-    hip = model.joints[1]
-    if hip.nq != 1:  # a pelvis that moves
+    is_person = (leg.name or "").startswith("leg_human") and "knee" in model.names
+    if not is_person or model.joints[1].nq != 1:  # a pelvis that moves
         return
     thigh = float(np.linalg.norm(model.jointPlacements[model.getJointId("knee")].translation))
     for number, (start, end, radius) in enumerate(PERSON):
@@ -117,10 +123,10 @@ def _draw_person(viewer: Any, leg: Leg) -> None:
         if start == end:
             node.set_object(shapes.Sphere(radius * thigh), look)
             node.set_transform(tf.translation_matrix(ends[0]))
-            continue
-        length = float(np.linalg.norm(ends[1] - ends[0]))
-        node.set_object(shapes.Cylinder(length, radius * thigh), look)
-        node.set_transform(cylinder_pose(ends[0], ends[1]))
+        else:
+            length = float(np.linalg.norm(ends[1] - ends[0]))
+            node.set_object(shapes.Cylinder(length, radius * thigh), look)
+            node.set_transform(cylinder_pose(ends[0], ends[1]))
 
 
 def leg_shapes(leg: Leg) -> tuple[list[BodyShape], str]:
@@ -219,26 +225,24 @@ def _sticks(leg: Leg, drawn: set[int]) -> Iterator[BodyShape]:
 
 def _corners(shape: Any) -> Array:
     """Return the corners of the box around a shape, along its own axes, `(8, 3)` [m]."""
+    middle = np.zeros(3)
     if isinstance(shape, shapes.TriangularMeshGeometry):
         low, high = np.min(shape.vertices, axis=0), np.max(shape.vertices, axis=0)
+        middle, size = (low + high) / 2, high - low
     elif isinstance(shape, shapes.Cylinder):
-        high = np.array([shape.radiusTop, shape.height / 2, shape.radiusTop])
-        low = -high
+        size = np.array([2 * shape.radiusTop, shape.height, 2 * shape.radiusTop])
     elif isinstance(shape, shapes.Sphere):
-        high = np.asarray(getattr(shape, "radii", np.full(3, shape.radius)))  # of an ellipsoid
-        low = -high
+        size = 2 * np.asarray(getattr(shape, "radii", np.full(3, shape.radius)))  # of an ellipsoid
     else:
-        high = np.asarray(shape.lengths) / 2
-        low = -high
-    corners = box_corners(np.zeros((1, 3)), 0.5) * (high - low)
-    return np.asarray((low + high) / 2 + corners)
+        size = np.asarray(shape.lengths)
+    return np.asarray(middle + box_corners(np.zeros((1, 3)), 0.5) * size)
 
 
 CURVE = 0xF28C00
 """Colour of the flight of a simulated ball."""
 
 CURVE_POINTS = 150
-"""Points of its curve."""
+"""Points of the curve of a flight."""
 
 SEPARATION = 1.2
 """Distance of the two robots over the width of one, across the kick."""
@@ -246,83 +250,61 @@ SEPARATION = 1.2
 
 @runtime_checkable
 class SimulatedRun(Protocol):
-    """A planned motion that a simulator carried out, as `MujocoRun` describes it."""
+    """A planned motion that a simulator carried out, with the attributes of `MujocoRun`."""
 
-    @property
-    def plan(self) -> KickPlan:
-        """The plan."""
-
-    @property
-    def t(self) -> Array:
-        """Times, shape `(k,)` [s, planned impact at 0]."""
-
-    @property
-    def q(self) -> Array:
-        """Configurations of the robot, shape `(k, nq)`."""
-
-    @property
-    def ball_position(self) -> Array:
-        """Centre of the ball, shape `(k, 3)` [m, world frame]."""
-
-    @property
-    def ball_after(self) -> BallState:
-        """The ball when it has left the foot."""
-
-    @property
-    def path(self) -> Flight | Course | None:
-        """Path of the ball from then on; None if the foot misses it."""
-
-    @property
-    def summary(self) -> str:
-        """What came of the kick, as a sentence."""
+    plan: KickPlan
+    t: Array
+    q: Array
+    ball_position: Array
+    ball_after: BallState
+    path: Flight | Course | None
+    summary: str
 
 
 class DrawnRun(NamedTuple):
-    """A simulated robot and its ball under a node of the viewer.
+    """A simulated robot and its ball under the node `run` of the viewer, displaced by an offset.
 
     Attributes:
-        node: name of the node.
         run: that is drawn.
         offset: of the node, shape `(3,)` [m].
         corners: of boxes around the robot's shapes, shape `(n, 3)` [m, world frame].
         curve: points of the ball's path, shape `(n, 3)` [m, world frame]; none for a missed ball.
     """
 
-    node: str
     run: SimulatedRun
     offset: Array
     corners: Array
     curve: Array
 
-    def configuration(self, time: float) -> Array:
-        """Return q of the robot at a time [s], shape `(nq,)`; before and after the run it rests."""
-        times = self.run.t
-        return np.asarray(self.run.q[np.clip(np.searchsorted(times, time), 0, len(times) - 1)])
+    def draw_curve(self, viewer: Any, width: Array, right: Array) -> None:
+        """Draw the path of the ball, with half widths of its points, `(n,)` [m]."""
+        if len(self.curve):
+            curve = self.curve - self.offset
+            marks.draw_curve(viewer["run/curve"], curve, width, right, CURVE)
 
-    def ball_pose(self, time: float) -> Array:
-        """Return the ball's pose at a time [s], shape `(4, 4)` [m, world frame]."""
+    def move(self, frame: Any, time: float) -> None:
+        """Put robot and ball where they are at a time [s], in a frame of an animation."""
         run, released = self.run, float(self.run.ball_after.time)
         if run.path is None or time < released:
             columns = run.ball_position.T
             position = np.array([np.interp(time, run.t, column) for column in columns])
         else:
             position = run.path.sample(min(time - released, run.path.duration)).position
-        return np.asarray(pin.SE3(np.eye(3), position).homogeneous)
+        frame["run/ball"].set_transform(tf.translation_matrix(position))
+        q = run.q[np.clip(np.searchsorted(run.t, time), 0, len(run.t) - 1)]
+        move_leg(frame, "run/leg", run.plan.impact.posture.leg, np.asarray(q))
 
 
 def draw_run(viewer: Any, run: SimulatedRun, forward: Array, planned: Array) -> DrawnRun:
     """Draw robot and ball of a run to the right of the planned robot, and both of their names.
 
-    Args:
-        viewer: of the scene.
-        run: the run.
-        forward: horizontal direction of the kick, shape `(3,)`.
-        planned: corners of boxes around the planned robot, shape `(n, 3)` [m].
+    `forward` is the horizontal direction of the kick, shape `(3,)`; `planned` are corners of boxes
+    around the planned robot, shape `(n, 3)` [m].
     """
     right, impact = np.cross(forward, UP_AXIS), run.plan.impact
     offset = max(SEPARATION * float(np.ptp(planned @ right)), 8 * impact.ball.radius) * right
     node, leg = viewer["run"], impact.posture.leg
-    node.set_transform(pin.SE3(np.eye(3), offset).homogeneous)
+    node.set_transform(tf.translation_matrix(offset))
     corners = draw_leg(node["leg"], leg, run.q[0])
     marks.draw_ball(node["ball"], impact.ball.radius, run.ball_position[0])
     for parent, name, boxes, colour in (
@@ -330,25 +312,9 @@ def draw_run(viewer: Any, run: SimulatedRun, forward: Array, planned: Array) -> 
         (viewer["planned"], "planned", planned, marks.CURVE),
     ):
         height = boxes[:, 2].max() + 0.08 * np.ptp(boxes[:, 2])
-        draw_label(
-            parent["name"], name, np.array([*boxes[:, :2].mean(axis=0), height]), f"#{colour:06x}"
-        )
+        point = np.array([*boxes[:, :2].mean(axis=0), height])
+        draw_label(parent["name"], name, point, f"#{colour:06x}")
     curve = np.zeros((0, 3))
     if run.path is not None:
         curve = run.path.sample(np.linspace(0.0, run.path.duration, CURVE_POINTS)).position
-    return DrawnRun("run", run, offset, corners + offset, curve + offset)
-
-
-def draw_run_curve(viewer: Any, drawn: DrawnRun, width: Array, right: Array) -> None:
-    """Draw the path of the simulated ball, with half widths of its points, `(n,)` [m]."""
-    if len(drawn.curve):
-        curve = drawn.curve - drawn.offset
-        marks.draw_curve(viewer[drawn.node]["curve"], curve, width, right, CURVE)
-
-
-def move_run(drawn: DrawnRun, frame: Any, time: float) -> None:
-    """Put a drawn run where it is at a time [s], in a frame of an animation."""
-    frame[f"{drawn.node}/ball"].set_transform(drawn.ball_pose(time))
-    poses = joint_poses(drawn.run.plan.impact.posture.leg, drawn.configuration(time))
-    for joint, pose in list(enumerate(poses))[1:]:
-        frame[f"{drawn.node}/leg/{joint}"].set_transform(pose)
+    return DrawnRun(run, offset, corners + offset, curve + offset)

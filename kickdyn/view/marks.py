@@ -30,15 +30,19 @@ SUN_DIRECTION = np.array([-0.3, -0.5, 0.81])
 """Unit vector from the scene to the light."""
 
 
+CURVE_RADIUS = 0.0017
+"""Radius of a flight's curve over its distance from the camera: 3 or 4 pixels on a screen."""
+
+
 class Camera(NamedTuple):
     """A camera: its position, and the point at which it looks, `(3,)` [m, world frame]."""
 
     position: Array
     target: Array
 
-    def distance(self, points: Array) -> Array:
-        """Return the distance of points, shape `(n, 3)`, from the camera [m]."""
-        return np.asarray(np.linalg.norm(points - self.position, axis=-1))
+    def curve_width(self, points: Array) -> Array:
+        """Return the radii of a flight's curve at points, shape `(n, 3)` [m]."""
+        return np.asarray(CURVE_RADIUS * np.linalg.norm(points - self.position, axis=-1))
 
 
 def camera_for(near: Array, far: Array, forward: Array, *, behind: bool = False) -> Camera:

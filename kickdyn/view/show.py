@@ -34,7 +34,6 @@ from kickdyn.view import marks
 from kickdyn.view.caption import kick_panel
 from kickdyn.view.document import html_document, recording_viewer, scene_parts
 from kickdyn.view.kick_scene import (
-    CURVE_RADIUS,
     LEAST_JOINT_IMPULSE,
     corners_around,
     draw_impulses,
@@ -43,14 +42,6 @@ from kickdyn.view.kick_scene import (
     largest_impulse,
 )
 from kickdyn.view.leg_figure import draw_leg, joint_poses
-from kickdyn.view.marks import (
-    UP_AXIS,
-    box_corners,
-    camera_for,
-    level_direction,
-    set_stage,
-    stripe_width,
-)
 from kickdyn.view.page import FRAME_HEIGHT, Page, page
 
 CURVE_POINTS = 60
@@ -99,14 +90,14 @@ class StillKick:
         radii = impulse_ellipsoid(impact.posture)[0]
         self._per_root = ELLIPSOID_SHARE * self._size / max(float(radii.max()), 1e-9)
         curve = _curve(path)
-        self._forward = level_direction(curve[-1] - curve[0])
+        self._forward = marks.level_direction(curve[-1] - curve[0])
         longer = curve[0] + LONGEST_SHARE * (curve - curve[0])  # so that other flights are seen
-        far = np.vstack([corners, box_corners(longer, ball.radius)])
-        self._camera = camera_for(foreground, far, self._forward)
-        set_stage(viewer, self._camera, np.vstack([foreground, curve]))
+        far = np.vstack([corners, marks.box_corners(longer, ball.radius)])
+        self._camera = marks.camera_for(foreground, far, self._forward)
+        marks.set_stage(viewer, self._camera, np.vstack([foreground, curve]))
         foot = self._ground(impact)
         length = float(np.hypot(*(curve[-1] - foot)[:2]))
-        stripe = stripe_width(length + self._size)
+        stripe = marks.stripe_width(length + self._size)
         marks.draw_ground(
             viewer["ground"], foot, self._forward, stripe, 3 * length + 8 * self._size
         )
@@ -145,8 +136,8 @@ class StillKick:
         pose[:3, 3] = impact.posture.contact_point
         viewer["ellipsoid"].set_transform(pose)
         curve = _curve(path)
-        width = CURVE_RADIUS * self._camera.distance(curve)
-        marks.draw_curve(viewer["curve"], curve, width, np.cross(self._forward, UP_AXIS))
+        width = self._camera.curve_width(curve)
+        marks.draw_curve(viewer["curve"], curve, width, np.cross(self._forward, marks.UP_AXIS))
         arrows = impulse_arrows(impact, LEAST_JOINT_IMPULSE * largest_impulse(impact))
         draw_impulses(viewer, arrows, self._scale)
         for node in self.arrow_nodes - {arrow.node for arrow in arrows}:

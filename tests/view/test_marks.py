@@ -126,7 +126,10 @@ def test_lens_and_light_include_all_points(distance):
     camera = camera_for(LEG, points, X)
     stage = staged(camera, points).properties
     lens, sun = "Cameras/default/rotated/<object>", "Lights/FillLight/<object>"
-    away, around = camera.distance(points), np.linalg.norm(points - camera.target, axis=1)
+    away, around = (
+        camera.curve_width(points) / marks.CURVE_RADIUS,
+        np.linalg.norm(points - camera.target, axis=1),
+    )
     assert stage[lens, "near"] < away.min() < away.max() < stage[lens, "far"]
     assert stage[sun, "reach"] == pytest.approx(around.max())
     assert np.linalg.norm(stage[sun, "position"]) > around.max()  # outside

@@ -70,8 +70,8 @@ from .scene.simulate import simulate as simulate
 from .scene.simulate_many import simulate_many as simulate_many
 from .scene.toml_reader import load_scene as load_scene
 from .simulators.mujoco_field import KickNoise as KickNoise
-from .simulators.noisy_runs import run_with_noise as run_with_noise
-from .simulators.refine_kick import refine_kick as refine_kick
+from .simulators.repeated_runs import refine_kick as refine_kick
+from .simulators.repeated_runs import run_with_noise as run_with_noise
 from .simulators.run_in_mujoco import MujocoRun as MujocoRun
 from .simulators.run_in_mujoco import run_in_mujoco as run_in_mujoco
 from .simulators.tune_mujoco import tune_mujoco as tune_mujoco

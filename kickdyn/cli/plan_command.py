@@ -42,7 +42,7 @@ from kickdyn.robot.standing import is_floating
 from kickdyn.scene.scene import Wall, check_before, read_wall
 
 if TYPE_CHECKING:
-    from kickdyn.simulators.noisy_runs import NoisyRuns
+    from kickdyn.simulators.repeated_runs import NoisyRuns
     from kickdyn.simulators.run_in_mujoco import MujocoRun
 
 CROUCH_SHARE = 0.1
@@ -386,8 +386,7 @@ def _carry_out(
     planned: KickPlan, output: PlanOutputOptions
 ) -> "tuple[KickPlan, MujocoRun, NoisyRuns | None]":
     """Return a plan, corrected if that is wanted, its run in MuJoCo, and runs with noise."""
-    from kickdyn.simulators.noisy_runs import run_with_noise
-    from kickdyn.simulators.refine_kick import refine_kick
+    from kickdyn.simulators.repeated_runs import refine_kick, run_with_noise
     from kickdyn.simulators.run_in_mujoco import run_in_mujoco
 
     foot = output.foot or "shapes"

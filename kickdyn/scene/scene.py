@@ -63,6 +63,12 @@ class Passage(NamedTuple):
         """Whether the ball does not touch the wall."""
         return self.above > 0.0 or self.beside > 0.0
 
+    @property
+    def hit(self) -> str:
+        """Where the ball hits the wall, as the end of a sentence."""
+        below, inside = -self.above, -self.beside
+        return f"hits the wall, {below:.3g} m below its top and {inside:.3g} m from its edge"
+
     def __str__(self) -> str:
         if self.above > 0.0:
             return f"The lower edge of the ball clears the wall by {self.above:.3g} m."
@@ -70,14 +76,6 @@ class Passage(NamedTuple):
             side = "left" if self.left > 0.0 else "right"
             return f"The ball passes {self.beside:.3g} m to the {side} of the wall."
         return f"The ball {self.hit}."
-
-    @property
-    def hit(self) -> str:
-        """Where the ball hits the wall, as the end of a sentence."""
-        return (
-            f"hits the wall, {-self.above:.3g} m below its top and {-self.beside:.3g} m from "
-            "its edge"
-        )
 
 
 @dataclass(frozen=True)
@@ -290,17 +288,10 @@ class Scene(ReprMixin):
         self.__dict__.update(
             posture=posture.with_contact_offset(contact.offset),
             v=validation.read_only(validation.vector("v", v, posture.leg.nv)),
-            ball=ball,
-            contact=contact,
-            law=law,
-            incoming=BallState() if incoming is None else incoming,
-            air=air,
-            ground=ground,
-            plane=plane,
-            wall=wall,
-            uncertainty=_checked_uncertainty(uncertainty),
-            name=name,
-        )
+            ball=ball, contact=contact, law=law, incoming=incoming or BallState(),
+            air=air, ground=ground, plane=plane, wall=wall,
+            uncertainty=_checked_uncertainty(uncertainty), name=name,
+        )  # fmt: skip
         if self.incoming.velocity.shape != (3,):
             shape = self.incoming.velocity.shape
             raise InvalidInput(f"incoming has velocities of shape {shape}: it must be one, (3,)")
@@ -371,16 +362,17 @@ class Scene(ReprMixin):
         if self.incoming.spin.any():
             yield "ball's spin", self.incoming.spin, "rad/s"
         yield "contact", repr(self.contact).removeprefix("Contact(").removesuffix(")"), ""
-        if not isinstance(self.law, Compliance):
-            yield "law", self.law, ""
-        elif takes_inflated_force(self.contact, **self.law.options):
+        law = self.law
+        if not isinstance(law, Compliance):
+            yield "law", law, ""
+        elif takes_inflated_force(self.contact, **law.options):
             yield "contact force", "of an inflated ball", ""
-        elif isinstance(self.law.stiffness, str):
+        elif isinstance(law.stiffness, str):
             yield "stiffness", f"from the pressure, {self.ball.stiffness:.4g}", "N/m"
-        elif self.law.stiffness is not None:
-            yield "stiffness", self.law.stiffness, "N/m^1.5"
+        elif law.stiffness is not None:
+            yield "stiffness", law.stiffness, "N/m^1.5"
         else:
-            yield "contact time", 1e3 * (self.law.contact_time or CONTACT_TIME), "ms"
+            yield "contact time", 1e3 * (law.contact_time or CONTACT_TIME), "ms"
         if self.air is not None:
             acting = [name for name in ("drag", "lift", "torque") if getattr(self.air, name)]
             yield "air", ", ".join([f"{self.air.density:.4g} kg/m3", *acting]), ""

@@ -48,11 +48,7 @@ ERROR_SHARE = 0.5
 """Fraction of the allowed error for which the tolerance of the contact's integrator is chosen, from
 another launch than the one that it finds."""
 
-_PHRASES: dict[str, str] = {
-    FlightStatus.LANDED: "landed at",
-    FlightStatus.AT_PLANE: "reached the plane at",
-    FlightStatus.AT_REST: "came to rest at",
-}
+_PHRASES = {"landed": "landed at", "at-plane": "reached the plane at", "at-rest": "came to rest at"}
 """By status, how the path of the ball ends."""
 
 
@@ -106,8 +102,7 @@ class Simulation(Printed):
             return math.inf
         error = path_error(scene, path)
         if isinstance(impact, Collision):
-            launch_error = collision_error(scene, self.launch, impact.tol)
-            error += end_error(scene, path, launch_error)
+            error += end_error(scene, path, collision_error(scene, self.launch, impact.tol))
         return error
 
     @property
@@ -166,10 +161,10 @@ class Simulation(Printed):
         These are the effects with the smallest sizes; their sizes add up to at most half of the
         tolerance. All but the contact time are modelled all the same, because that takes no time.
         """
-        finite = {name: size for name, size in self.effect_sizes.items() if math.isfinite(size)}
-        names = sorted(finite, key=lambda name: finite[name])
-        totals = accumulate(finite[name] for name in names)
-        return tuple(names[: sum(total <= 0.5 * (self.tolerance or 0.0) for total in totals)])
+        sizes = sorted((size, name) for name, size in self.effect_sizes.items() if size < math.inf)
+        totals = accumulate(size for size, _ in sizes)
+        count = sum(total <= 0.5 * (self.tolerance or 0.0) for total in totals)
+        return tuple(name for _, name in sizes[:count])
 
     @property
     def method(self) -> str:
@@ -183,12 +178,9 @@ class Simulation(Printed):
     @property
     def evaluations(self) -> int:
         """Number of evaluations of the accelerations in impact and path."""
-        path = self.path
-        phases: list[Any] = [path]
-        if isinstance(path, Course):
-            phases = [*path.flights, *path.ground_phases]
-        if isinstance(self.impact, Collision):
-            phases.append(self.impact)
+        path, phases = self.path, list[Any]()
+        phases += [*path.flights, *path.ground_phases] if isinstance(path, Course) else [path]
+        phases += [self.impact] if isinstance(self.impact, Collision) else []
         return sum(phase.evaluations for phase in phases)
 
     @property
@@ -248,11 +240,8 @@ class Simulation(Printed):
     def summary(self) -> str:
         """The end, its error, the wall, the goal and warnings, one line each."""
         scene, impact, ground = self.scene, self.impact, self.scene.ground
-        error = (
-            f"error {distance_in_words(self.error)}"
-            if math.isfinite(self.error)
-            else "error unknown"
-        )
+        known = math.isfinite(self.error)
+        error = f"error {distance_in_words(self.error) if known else 'unknown'}"
         if self.tolerance is not None:
             met = "within" if self.within_tolerance else "NOT WITHIN"
             error += f", {met} the tolerance of {self.tolerance:g} m"
@@ -287,9 +276,8 @@ class Simulation(Printed):
         if self.numerical_error > 1e-12:
             source = f"{_length_text(self.numerical_error)} m by numerical integration"
         if self.neglected:
-            source = (
-                f"{_length_text(self.model_error)} m by the neglected contact time and {source}"
-            )
+            neglected = f"{_length_text(self.model_error)} m by the neglected contact time"
+            source = f"{neglected} and {source}"
         lines = [self.summary, f"The error is {source} ({self.method})."]
         if times:
             lines.append(f"The answer took {1e3 * self.seconds:.2g} ms.")
@@ -352,8 +340,8 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         tolerance = validation.number("tolerance", tolerance, above=0, unit="m")
         if tolerance < ROUNDING:
             raise InvalidInput(
-                f"tolerance is {tolerance:g} m: that is below rounding; it must be {ROUNDING:g} m "
-                "or more, or None for everything as exact as possible"
+                f"tolerance is {tolerance:g} m, below rounding: it must be {ROUNDING:g} m or more, "
+                "or None for everything as exact as possible"
             )
     answer = _simulate(scene, tolerance)
     return replace(answer, seconds=time.process_time() - began)
@@ -388,9 +376,8 @@ def _with_path(
     model_error: float = 0.0,
 ) -> Simulation:
     path = path or fly_scene(scene, impact.ball_after)
-    spread = None
-    if scene.uncertainty:
-        spread = strike_scene(scene).uncertainty(**scene.uncertainty)
+    uncertainty = scene.uncertainty
+    spread = strike_scene(scene).uncertainty(**uncertainty) if uncertainty else None
     return Simulation(scene, tolerance, impact, path, spread, model_error)
 
 
@@ -400,17 +387,15 @@ def simulate_as_instant(scene: Scene) -> Simulation:
     Only an instantaneous impact has joint impulses. `model_error` is then the measured distance to
     the end with the contact time; inf if that cannot be computed.
     """
-    answer = simulate(scene.as_instant() if scene.is_compliant else scene, None)
     if not scene.is_compliant:
-        return answer
-    size = math.inf
+        return simulate(scene, None)
+    answer, size = simulate(scene.as_instant(), None), math.inf
     try:
         compliant = simulate(scene, None)
-    except KickdynError as error:
-        note = f"which cannot be computed: {error}"
-    else:
         note = f"with it: {compliant.end_text}"
         size = math.dist(answer.end.position, compliant.end.position) + compliant.numerical_error
+    except KickdynError as error:
+        note = f"which cannot be computed: {error}"
     return replace(answer, scene=scene, model_error=size, note=note)
 
 

@@ -1,4 +1,4 @@
-"""Plans that are carried out repeatedly: by robots that differ from the model, or to be corrected."""
+"""Plans carried out repeatedly, by robots that differ from the model, or to be corrected."""
 
 import math
 from collections.abc import Callable, Iterable

@@ -51,10 +51,8 @@ class MeasurementOptions:
         if file.lower().endswith(".c3d"):
             return Track.from_c3d(file, self.marker)
         if self.marker is not None:
-            raise InvalidInput(
-                f"--marker is {self.marker!r}: it is for a C3D file, and {file} does not end in "
-                ".c3d"
-            )
+            what = f"--marker is {self.marker!r}"
+            raise InvalidInput(f"{what}: it is for a C3D file, and {file} does not end in .c3d")
         return Track.from_csv(file, [name.strip() for name in self.columns.split(",")])
 
 
@@ -146,17 +144,16 @@ def identify(
 
 def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None:
     """Print the segments of the track, a line for each flight, and the means over the flights."""
-    if split is not None:
-        click.echo(f"{split}\n")
+    lines = [] if split is None else [f"{split}\n"]
     if len(fits) == 1:
-        click.echo(str(fits[0].result))
+        lines.append(str(fits[0].result))
     elif fits:
         names = fits[0].result.names[6:]  # without position and velocity
         heads = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in names]
         head = "".join(f"{head:>20}" for head in heads)
-        click.echo(f"samples     speed [m/s]  left out  rms [cm]  {head}")
+        lines.append(f"samples     speed [m/s]  left out  rms [cm]  {head}")
         for first, last, result in fits:
-            texts = [
+            cells = [
                 with_deviation(result.values[name], result.deviations[name])
                 if name in result.values
                 else "not determined"
@@ -164,35 +161,32 @@ def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None
             ]
             speed, rms = float(result.launch.speed), 100 * result.rms
             numbers = f"{speed:11.2f}  {result.outliers:8}  {rms:8.2f}"
-            cells = "".join(f"{text:>20}" for text in texts)
-            click.echo(f"{f'{first}-{last}':11} {numbers}  {cells}")
-        for name, mean in _means(fits).items():
-            text = mean or "fewer than two flights determine it"
-            click.echo(f"{AVERAGED[name]} over the whole track: {text}")
-        warned = [fit for fit in fits if fit.result.warnings]
-        if warned:
-            click.echo(
+            row = "".join(f"{cell:>20}" for cell in cells)
+            lines.append(f"{f'{first}-{last}':11} {numbers}  {row}")
+        unknown = "fewer than two flights determine it"
+        lines += [
+            f"{AVERAGED[name]} over the whole track: {mean or unknown}"
+            for name, mean in _means(fits).items()
+        ]
+        if warned := [fit for fit in fits if fit.result.warnings]:
+            lines.append(
                 f"{len(warned)} of {len(fits)} flights have warnings: --json FILE writes them, "
                 f"--start {warned[0].first} --end {warned[0].last} prints one flight's"
             )
     elif not failures:
-        click.echo(
+        lines.append(
             f"no flight of at least {SHORTEST:g} s was found: times must be in seconds, positions "
             "in metres with z up"
         )
     if split is not None and split.flights:
         short, ends = _unused(split)
-        if short:
-            click.echo(
-                f"{short} of {len(split.flights)} flights are shorter than {SHORTEST:g} s without "
-                "their ends and were not fitted"
-            )
-        click.echo(
+        less = f"flights are shorter than {SHORTEST:g} s without their ends and were not fitted"
+        lines += [f"{short} of {len(split.flights)} {less}"] if short else []
+        lines.append(
             f"{ends} samples within {SMOOTHED:g} s of a flight's ends were not used, because "
             "tracking systems smooth over touches"
         )
-    for line in failures:
-        click.echo(f"not fitted: {line}")
+    click.echo("\n".join([*lines, *(f"not fitted: {line}" for line in failures)]))
 
 
 def _means(fits: list[Fit]) -> dict[str, FlightMean | None]:

@@ -6,6 +6,7 @@ filled groups; their methods make the library's objects of what was typed.
 
 import math
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import wraps
 from typing import Any, TypeVar
@@ -71,11 +72,9 @@ class Numbers(click.ParamType):  # type: ignore[type-arg]
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the numbers as a tuple."""
-        count = self.name.count(self._separator) + 1
-        try:
+        count, numbers = self.name.count(self._separator) + 1, tuple[float, ...]()
+        with suppress(ValueError):
             numbers = tuple(map(float, value.split(self._separator)))
-        except ValueError:
-            numbers = ()
         if len(numbers) == count and not all(map(math.isfinite, numbers)):
             self.fail(f"{value!r}: every number of {self.name} must be finite.", param, ctx)
         if len(numbers) != count:

@@ -151,10 +151,9 @@ class KickOptions:
         "height and side of the target are measured from there.",
     )  # fmt: skip
     ball_velocity: tuple[float, float, float] | None = option(
-        "--ball-velocity",
-        type=Numbers("X,Y,Z"),
+        "--ball-velocity", type=Numbers("X,Y,Z"),
         help="Its velocity then [m/s]; without a vertical part, the ball is on the ground.",
-    )
+    )  # fmt: skip
     ball_spin: tuple[float, float, float] | None = option(
         "--ball-spin", type=Numbers("X,Y,Z"),
         help="Its spin then [rad/s].  [default: none]",
@@ -191,16 +190,15 @@ class KickOptions:
             raise InvalidInput("--ball-height and --ball-at are both given: give one of the two")
         needed = {"--ball-position": self.ball_position, "--ball-velocity": self.ball_velocity}
         missing = [name for name, value in needed.items() if value is None]
-        moving = not missing
         for name in ("ball_position", "ball_velocity", "ball_spin", "meet_at", "trap"):
             if getattr(self, name) is not None and missing:
                 raise InvalidInput(
                     f"{' and '.join(missing)} missing: --{name.replace('_', '-')} is for a moving "
                     "ball, which needs a position and a velocity"
                 )
-        if moving and (self.ball_height is not None or self.ball_at is not None):
+        if not missing and (self.ball_height is not None or self.ball_at is not None):
             raise InvalidInput("--ball-position excludes --ball-height and --ball-at")
-        if moving and self.motion:
+        if not missing and self.motion:
             raise InvalidInput("--ball-position excludes --motion: a motion strikes a ball at rest")
         if self.both_feet and not self.motion:
             raise InvalidInput("--both-feet is given: it needs the motion, so add --motion")
@@ -305,9 +303,8 @@ class WindyAirOptions(AirOptions):
         if self.wind is None:
             return air
         if air is None:
-            raise InvalidInput(
-                f"--wind is {list(self.wind)}, but --air is none: there is no wind in a vacuum"
-            )
+            what = f"--wind is {list(self.wind)}"
+            raise InvalidInput(f"{what}, but --air is none: there is no wind in a vacuum")
         validation.number("wind", math.hypot(*self.wind), at_most=SPEED_LIMIT, unit="m/s")
         return replace(air, wind=np.array(self.wind))
 
@@ -366,8 +363,7 @@ def plan(
     if output.out is not None and motion is not None:
         motion.save(output.out)
     document = report.to_json()
-    simulated = {"run": run, "noisy_runs": noisy}
-    results = {name: result for name, result in simulated.items() if result is not None}
+    results = {name: result for name, result in (("run", run), ("noisy_runs", noisy)) if result}
     document |= {name: result.to_json() for name, result in results.items()}
     output.write_json(document)
     if output.prints:

@@ -5,7 +5,7 @@ The commands are `kickdyn reach` and `kickdyn kick-library`.
 
 import math
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 from time import perf_counter
@@ -213,10 +213,9 @@ def kick_library(
 
 def _numbers(name: str, text: str, counts: tuple[int, ...], form: str) -> list[float]:
     """Return the numbers between commas, of which there must be one of some counts."""
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
+    values = list[float]()
+    with suppress(ValueError):
+        values = [float(word) for word in text.split(",")]
     if len(values) not in counts:
         raise InvalidInput(f"{name} is {text!r}: it must be {form}")
     return values

@@ -1,6 +1,5 @@
 """The commands for scene files: `kickdyn simulate`, `view` and `tradeoff`."""
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from functools import partial
@@ -24,12 +23,8 @@ from kickdyn.scene.toml_reader import load_scene
 
 @click.command("simulate", Command)
 @scene_argument
-@click.option(
-    "--tolerance",
-    default=0.05,
-    show_default=True,
-    help="Largest error of the ball's final position [m].",
-)
+@click.option("--tolerance", default=0.05, show_default=True,
+              help="Largest error of the ball's final position [m].")  # fmt: skip
 @click.option("--exact", is_flag=True, help="Model all effects, whatever the tolerance.")
 @takes(output=JsonOptions)
 def simulate(scene_file: str, tolerance: float, exact: bool, output: JsonOptions) -> None:
@@ -86,15 +81,11 @@ def _simulation_document(answer: Simulation) -> dict[str, Any]:
         for name, joint in answer.launch_spread.joints.items()
     }
     numbers["effects"] = [
-        {
-            "effect": size.effect,
-            "modelled": size.effect in answer.modelled,
-            "negligible": size.effect in answer.negligible,
-            "size": finite(size.end),
-            "seconds": size.seconds,
-        }
+        {"effect": size.effect, "modelled": size.effect in answer.modelled,
+         "negligible": size.effect in answer.negligible, "size": finite(size.end),
+         "seconds": size.seconds}
         for size in answer.effects
-    ]
+    ]  # fmt: skip
     return numbers
 
 
@@ -156,14 +147,15 @@ def _view_document(simulation: Simulation) -> dict[str, Any]:
     leg, q = impact.posture.leg, impact.posture.q
     postures = {"angles_deg": leg.angles_deg(q), "positions_m": leg.positions_m(q)}
     impulses = joint_impulses_in_world(impact)
+    joints = {
+        key: {name: round(value, 9) + 0.0 for name, value in values.items()}
+        for key, values in postures.items()
+        if values
+    }
     return numbers_of(simulation) | {
         "leg": leg.name,
         "frame": leg.frame,
-        **{
-            key: {name: round(value, 9) + 0.0 for name, value in values.items()}
-            for key, values in postures.items()
-            if values
-        },
+        **joints,
         "impulse": impact.impulse.tolist(),
         "joint_impulses": {name: impulse.tolist() for name, _, impulse in impulses},
         "foot_speed": float(np.linalg.norm(impact.foot_velocity)),
@@ -180,11 +172,8 @@ LEAST_EFFECT = 1e-9
 
 
 @click.command("tradeoff", Command)
-@click.option(
-    "--scene",
-    metavar="SCENE",
-    help="Measure the effects of a scene: a TOML file, or a name as for `kickdyn view`.",
-)
+@click.option("--scene", metavar="SCENE", help="Measure the effects of a scene: a TOML file, or a "
+              "name as for `kickdyn view`.")  # fmt: skip
 @takes(output=PlotOptions)
 def tradeoff(scene: str | None, output: PlotOptions) -> None:
     """Measure error and time of the functions for impacts and flights, one by one and in batches.
@@ -199,6 +188,7 @@ def tradeoff(scene: str | None, output: PlotOptions) -> None:
         _compare_functions(output)
     else:
         _measure_scene(scene, output)
+    output.name_written(output.plot)
 
 
 def _compare_functions(output: PlotOptions) -> None:
@@ -228,7 +218,6 @@ def _compare_functions(output: PlotOptions) -> None:
             "batches a third each sticks, slips and misses; flights have all lengths.",
         ]
         print_wrapped("\n".join(lines))
-    output.name_written(output.plot)
 
 
 def _measure_scene(scene: str, output: PlotOptions) -> None:
@@ -239,20 +228,13 @@ def _measure_scene(scene: str, output: PlotOptions) -> None:
         sizes = measure_effects(exact, show)
     sizes.sort(key=lambda size: math.inf if math.isnan(size.end) else -size.end)
     output.save_plot(partial(effect_figure, loaded.name, sizes))
-    output.write_json(
-        {
-            "scene": loaded.name,
-            "status": exact.status,
-            "end": exact.end.position.tolist(),
-            "impulse": exact.impact.impulse.tolist(),
-            "units": {"end": "m", "impulse": "N s"},
-            "effects": [
-                dataclasses.asdict(size)
-                | {"end": finite(size.end), "impulse": finite(size.impulse)}
-                for size in sizes
-            ],
-        }
-    )
+    output.write_json({
+        "scene": loaded.name, "status": exact.status,
+        "end": exact.end.position.tolist(), "impulse": exact.impact.impulse.tolist(),
+        "units": {"end": "m", "impulse": "N s"},
+        "effects": [vars(size) | {"end": finite(size.end), "impulse": finite(size.impulse)}
+                    for size in sizes],
+    })  # fmt: skip
     if output.prints:
         impulse = float(np.linalg.norm(exact.impact.impulse))
         lines = [
@@ -266,7 +248,6 @@ def _measure_scene(scene: str, output: PlotOptions) -> None:
             )
             lines.append(f"{size.effect:14}{end:>18}{impulse_change:>26}  {size.why_not}".rstrip())
         print_wrapped("\n".join([*lines, "", *(f"warning: {line}" for line in exact.warnings)]))
-    output.name_written(output.plot)
 
 
 @styled()

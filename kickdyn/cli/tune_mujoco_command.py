@@ -86,10 +86,8 @@ def tune_mujoco(scene_file: str, mujoco: MujocoOptions, output: MjcfOptions) -> 
     scene = load_scene(scene_file)
     compliance = scene.law if isinstance(scene.law, Compliance) else Compliance()
     if scene.law not in ("newton", compliance):
-        raise InvalidInput(
-            f"law is {scene.law!r}: a contact of MuJoCo is tuned for 'newton', or for a "
-            "contact time"
-        )
+        what = "a contact of MuJoCo is tuned for 'newton', or for a contact time"
+        raise InvalidInput(f"law is {scene.law!r}: {what}")
     if compliance.stiffness is not None:
         raise InvalidInput(
             f"stiffness is {compliance.stiffness!r}: a contact of MuJoCo is tuned for a contact "

@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 import click
 
 from kickdyn.cli.check_file import check as check_file
-from kickdyn.cli.commands import Command, busy, print_wrapped, warn
+from kickdyn.cli.commands import busy, print_wrapped, warn
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
     BallOptions,
     JsonOptions,
     OutputOptions,
     PointOptions,
+    command,
     option,
-    takes,
 )
 from kickdyn.errors import InvalidInput, shortened
 from kickdyn.motion.check_motion import check_motion as check_recorded
@@ -21,13 +21,12 @@ from kickdyn.motion.read_motion import BREADTH_FIRST, OF_MODEL, read_motion
 from kickdyn.motion.recorded_motion import WINDOW
 
 
-@click.command("check", Command)
+@command("check")
 @click.argument("file", metavar="FILE", type=click.Path())
 @click.option("--package-dir", "package_dirs", multiple=True, metavar="DIR",
               type=click.Path(exists=True, file_okay=False),
               help="ROS package with meshes of a robot, or a folder that contains it; "
               "repeatable.")  # fmt: skip
-@takes(output=JsonOptions)
 def check(file: str, package_dirs: tuple[str, ...], output: JsonOptions) -> None:
     """Say what kickdyn sees in a file, what is wrong with it, and what to run next.
 
@@ -87,10 +86,8 @@ class RecordingOptions:
     )  # fmt: skip
 
 
-@click.command("check-motion", Command)
+@command("check-motion")
 @click.argument("file", metavar="FILE", type=click.Path())
-@takes(leg=LegOptions, recording=RecordingOptions, contact=PointOptions, ball=BallOptions,
-       output=OutputOptions)  # fmt: skip
 def check_motion(
     file: str,
     leg: LegOptions,

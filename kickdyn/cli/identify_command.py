@@ -8,8 +8,8 @@ import numpy as np
 
 from kickdyn.aerodynamics.drag import MODELS
 from kickdyn.air import Air
-from kickdyn.cli.commands import Command, busy
-from kickdyn.cli.option_groups import BallOptions, OutputOptions, option, read_drag, takes
+from kickdyn.cli.commands import busy
+from kickdyn.cli.option_groups import BallOptions, OutputOptions, command, option, read_drag
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.ground import Ground
 from kickdyn.identification.identification_result import (
@@ -64,7 +64,7 @@ class Fit(NamedTuple):
     result: Identification
 
 
-@click.command("identify", Command)
+@command("identify")
 @click.argument("track_file", metavar="TRACK", type=click.Path())
 @click.option("--start", type=int, metavar="I", help="First sample of one flight to fit.")
 @click.option("--end", type=int, metavar="J", help="First sample after this flight.")
@@ -72,7 +72,6 @@ class Fit(NamedTuple):
               help="What is fitted: a constant drag coefficient; a factor of a drag model, by its "
               f"name ({', '.join(MODELS)}); or nothing, with the coefficient kept at a "
               "number.")  # fmt: skip
-@takes(measurement=MeasurementOptions, ball=BallOptions, output=OutputOptions)
 def identify(
     track_file: str,
     start: int | None,

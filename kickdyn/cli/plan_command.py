@@ -9,7 +9,7 @@ import numpy as np
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.cli.commands import Command, busy, print_wrapped, warn
+from kickdyn.cli.commands import busy, print_wrapped, warn
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
@@ -17,8 +17,8 @@ from kickdyn.cli.option_groups import (
     Numbers,
     OutputOptions,
     PointOptions,
+    command,
     option,
-    takes,
 )
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
@@ -309,11 +309,7 @@ class WindyAirOptions(AirOptions):
         return replace(air, wind=np.array(self.wind))
 
 
-@click.command("plan", Command)
-@takes(
-    goal=GoalOptions, leg=LegOptions, contact=PointOptions, kick=KickOptions, air=WindyAirOptions,
-    ball=BallOptions, output=PlanOutputOptions,
-)  # fmt: skip
+@command("plan")
 def plan(
     goal: GoalOptions,
     leg: LegOptions,

@@ -14,7 +14,7 @@ from typing import Any
 import click
 import numpy as np
 
-from kickdyn.cli.commands import Command, busy, print_wrapped, warn
+from kickdyn.cli.commands import busy, print_wrapped, warn
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
@@ -22,8 +22,8 @@ from kickdyn.cli.option_groups import (
     JsonOptions,
     PlotOptions,
     PointOptions,
+    command,
     option,
-    takes,
 )
 from kickdyn.cli.plan_command import height_of_ball
 from kickdyn.errors import InvalidInput
@@ -64,8 +64,7 @@ class ReachOptions(PlotOptions):
     )  # fmt: skip
 
 
-@click.command("reach", Command)
-@takes(leg=LegOptions, contact=PointOptions, air=AirOptions, ball=BallOptions, output=ReachOptions)
+@command("reach")
 def reach(
     leg: LegOptions,
     contact: PointOptions,
@@ -159,10 +158,8 @@ class LibraryKickOptions(JsonOptions):
     )  # fmt: skip
 
 
-@click.command("kick-library", Command)
+@command("kick-library")
 @click.argument("file", metavar="FILE.npz", type=click.Path())
-@takes(leg=LegOptions, ranges=RangeOptions, contact=PointOptions, ball=BallOptions,
-       output=LibraryKickOptions)  # fmt: skip
 def kick_library(
     file: str,
     leg: LegOptions,

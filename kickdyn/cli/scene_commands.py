@@ -8,8 +8,8 @@ from typing import Any
 import click
 import numpy as np
 
-from kickdyn.cli.commands import Command, busy, check_page_name, print_wrapped, warn
-from kickdyn.cli.option_groups import JsonOptions, PlotOptions, scene_argument, takes
+from kickdyn.cli.commands import busy, check_page_name, print_wrapped, warn
+from kickdyn.cli.option_groups import JsonOptions, PlotOptions, command, scene_argument
 from kickdyn.core import validation
 from kickdyn.core.files import finite
 from kickdyn.core.plot_style import styled
@@ -21,12 +21,11 @@ from kickdyn.scene.simulate import simulate as simulate_scene
 from kickdyn.scene.toml_reader import load_scene
 
 
-@click.command("simulate", Command)
+@command("simulate")
 @scene_argument
 @click.option("--tolerance", default=0.05, show_default=True,
               help="Largest error of the ball's final position [m].")  # fmt: skip
 @click.option("--exact", is_flag=True, help="Model all effects, whatever the tolerance.")
-@takes(output=JsonOptions)
 def simulate(scene_file: str, tolerance: float, exact: bool, output: JsonOptions) -> None:
     """Simulate a scene file to a tolerance, and print its error budget.
 
@@ -89,14 +88,13 @@ def _simulation_document(answer: Simulation) -> dict[str, Any]:
     return numbers
 
 
-@click.command("view", Command)
+@command("view")
 @scene_argument
 @click.option("--out", metavar="FILE.html", type=click.Path(), help="Write the 3-D page.")
 @click.option("--png", metavar="FILE.png", type=click.Path(),
               help="Write a picture of the page; needs Chromium.")  # fmt: skip
 @click.option("--at", "moment", type=float,
               help="Time since the impact that the picture shows [s].  [default: 0]")  # fmt: skip
-@takes(output=JsonOptions)
 def view(
     scene_file: str, out: str | None, png: str | None, moment: float | None, output: JsonOptions
 ) -> None:
@@ -171,10 +169,9 @@ LEAST_EFFECT = 1e-9
 """Shorter distances are due to the integrators [m]."""
 
 
-@click.command("tradeoff", Command)
+@command("tradeoff")
 @click.option("--scene", metavar="SCENE", help="Measure the effects of a scene: a TOML file, or a "
               "name as for `kickdyn view`.")  # fmt: skip
-@takes(output=PlotOptions)
 def tradeoff(scene: str | None, output: PlotOptions) -> None:
     """Measure error and time of the functions for impacts and flights, one by one and in batches.
 

@@ -7,8 +7,8 @@ from typing import Any
 import click
 import numpy as np
 
-from kickdyn.cli.commands import Command, busy, print_wrapped
-from kickdyn.cli.option_groups import JsonOptions, option, scene_argument, takes
+from kickdyn.cli.commands import busy, print_wrapped
+from kickdyn.cli.option_groups import JsonOptions, command, option, scene_argument
 from kickdyn.core.files import replacing
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.force_model import CONTACT_TIME
@@ -71,9 +71,8 @@ class MjcfOptions(JsonOptions):
         super().check(None if self.out == "-" else self.out, self.scene_out, *files, inputs=inputs)
 
 
-@click.command("tune-mujoco", Command)
+@command("tune-mujoco")
 @scene_argument
-@takes(mujoco=MujocoOptions, output=MjcfOptions)
 def tune_mujoco(scene_file: str, mujoco: MujocoOptions, output: MjcfOptions) -> None:
     """Find contact parameters with which MuJoCo launches the ball as kickdyn does.
 

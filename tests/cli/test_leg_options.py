@@ -2,7 +2,6 @@
 
 import math
 
-import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -10,7 +9,7 @@ from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.cli.leg_options import LEGS, LegOptions, load_leg
-from kickdyn.cli.option_groups import takes
+from kickdyn.cli.option_groups import command
 from kickdyn.robot.catalog import ROBOTS
 from kickdyn.robot.urdf_file import shipped_urdf
 
@@ -23,12 +22,11 @@ def loaded(*words):
     """Return the leg of a command line, and what it writes to standard error."""
     legs = []
 
-    @click.command()
-    @takes(leg=LegOptions)
-    def command(leg: LegOptions) -> None:
+    @command("load")
+    def load(leg: LegOptions) -> None:
         legs.append(leg.load())
 
-    result = CliRunner().invoke(command, words, catch_exceptions=False)
+    result = CliRunner().invoke(load, words, catch_exceptions=False)
     return legs[0], result.stderr
 
 

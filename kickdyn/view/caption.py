@@ -14,7 +14,7 @@ from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.view import marks
 from kickdyn.view.kick_scene import JOINT_ARROW, LEAST_JOINT_IMPULSE
-from kickdyn.view.leg_figure import CURVE_POINTS
+from kickdyn.view.leg_figure import curve_of
 
 FOLDED_CHARACTERS = 300
 """Number of characters from which the sentences below the table are folded."""
@@ -155,9 +155,7 @@ def draw_flights(
     """
     if not 0 < len(paths) <= MOST_FLIGHTS:
         raise InvalidInput(f"there are {len(paths)} flights: one page compares 1 to {MOST_FLIGHTS}")
-    curves = [
-        path.sample(np.linspace(0, path.duration, CURVE_POINTS)).position for path in paths.values()
-    ]
+    curves = [curve_of(path) for path in paths.values()]
     points = np.vstack(curves)
     reference = next(iter(paths.values()))
     start = reference.launch.position

@@ -26,6 +26,7 @@ from kickdyn.view.leg_figure import (
     CURVE_POINTS,
     DrawnRun,
     SimulatedRun,
+    curve_of,
     draw_leg,
     draw_run,
     joint_poses,
@@ -126,7 +127,7 @@ def draw_kick(
     pace = kick_pace(impact, duration, None if motion is None else -motion.begin)
     configuration = partial(leg_configuration, impact) if motion is None else motion.q
     postures = [configuration(time) for time in pace.times]
-    curve = path.sample(np.linspace(0.0, path.duration, CURVE_POINTS)).position
+    curve = curve_of(path)
     incoming = np.zeros((0, 3))
     if arrival is not None:
         incoming = arrival.sample(np.linspace(-arrival.wait, 0.0, CURVE_POINTS)).position

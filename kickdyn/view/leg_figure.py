@@ -34,6 +34,15 @@ JOINT_COLOUR: Rgba = (0.25, 0.27, 0.31, 1.0)
 """Colours of sticks and of bodies without a colour, and of the spheres at joints."""
 
 
+CURVE = 0xF28C00
+"""Colour of the flight of a simulated ball."""
+
+CURVE_POINTS = 150
+"""Points of the curve of a flight."""
+
+SEPARATION = 1.2
+"""Distance of the two robots over the width of one, across the kick."""
+
 PERSON_COLOUR = 0x8A97A6
 PERSON = (
     ((0.0, 0.0, 0.25), (0.0, 0.0, 1.25), 0.3),  # trunk
@@ -43,6 +52,11 @@ PERSON = (
     ((0.0, -0.38, 1.15), (-0.1, -0.55, 0.0), 0.1),
 )
 """Cylinders and a sphere of a person above the hip: from, to, radius, over the thigh's length."""
+
+
+def curve_of(path: Flight | Course, count: int = CURVE_POINTS) -> Array:
+    """Return points of a ball's path, evenly in time, shape `(count, 3)` [m, world frame]."""
+    return np.asarray(path.sample(np.linspace(0.0, path.duration, count)).position)
 
 
 class BodyShape(NamedTuple):
@@ -238,16 +252,6 @@ def _corners(shape: Any) -> Array:
     return np.asarray(middle + box_corners(np.zeros((1, 3)), 0.5) * size)
 
 
-CURVE = 0xF28C00
-"""Colour of the flight of a simulated ball."""
-
-CURVE_POINTS = 150
-"""Points of the curve of a flight."""
-
-SEPARATION = 1.2
-"""Distance of the two robots over the width of one, across the kick."""
-
-
 @runtime_checkable
 class SimulatedRun(Protocol):
     """A planned motion that a simulator carried out, with the attributes of `MujocoRun`."""
@@ -314,7 +318,5 @@ def draw_run(viewer: Any, run: SimulatedRun, forward: Array, planned: Array) -> 
         height = boxes[:, 2].max() + 0.08 * np.ptp(boxes[:, 2])
         point = np.array([*boxes[:, :2].mean(axis=0), height])
         draw_label(parent["name"], name, point, f"#{colour:06x}")
-    curve = np.zeros((0, 3))
-    if run.path is not None:
-        curve = run.path.sample(np.linspace(0.0, run.path.duration, CURVE_POINTS)).position
+    curve = np.zeros((0, 3)) if run.path is None else curve_of(run.path)
     return DrawnRun(run, offset, corners + offset, curve + offset)

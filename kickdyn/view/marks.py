@@ -258,7 +258,7 @@ def draw_curve(
     begin = SIDES * np.arange(len(points) - 1)[:, None]
     a, b = begin + np.arange(SIDES), begin + (np.arange(SIDES) + 1) % SIDES
     faces = np.stack([a, b, b + SIDES, a, b + SIDES, a + SIDES], axis=-1).reshape(-1, 3)
-    viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), _overlay(colour))
+    viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), overlay(colour))
 
 
 def draw_dots(viewer: Any, points: Array, radius: float, colour: int) -> None:
@@ -266,7 +266,7 @@ def draw_dots(viewer: Any, points: Array, radius: float, colour: int) -> None:
     solid = trimesh.creation.icosahedron()
     vertices = (points[:, None] + radius * solid.vertices).reshape(-1, 3)
     faces = (12 * np.arange(len(points))[:, None, None] + solid.faces).reshape(-1, 3)
-    viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), _overlay(colour))
+    viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), overlay(colour))
 
 
 def draw_tee(viewer: Any, top: Array, height: float, radius: float) -> None:
@@ -282,14 +282,14 @@ def draw_arrow(viewer: Any, vector: Array, colour: int) -> None:
     shaft = shapes.Cylinder(NECK * length, SHAFT * length)
     head = shapes.Cylinder((1 - NECK) * length, radiusTop=0.0, radiusBottom=HEAD * length)
     for name, shape, begin, end in (("shaft", shaft, 0.0, NECK), ("head", head, NECK, 1.0)):
-        viewer[name].set_object(shape, _overlay(colour))
+        viewer[name].set_object(shape, overlay(colour))
         viewer[name].set_transform(cylinder_pose(begin * vector, end * vector))
 
 
-def _overlay(colour: int) -> Any:
+def overlay(colour: int, **looks: float) -> Any:
     """Return the material of marks that are drawn over nearer things too."""
     # Transparent things are drawn last; without a depth test nothing covers them.
-    return shapes.MeshBasicMaterial(color=colour, transparent=True, depthTest=False)
+    return shapes.MeshBasicMaterial(color=colour, transparent=True, depthTest=False, **looks)
 
 
 def draw_ball(viewer: Any, radius: float, position: Array) -> None:

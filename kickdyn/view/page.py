@@ -178,8 +178,11 @@ def page(
     pace, ground = draw_kick(
         viewer, impact, kick.path, boxes, kick.motion, arrival=kick.arrival, lies=kick.lies, run=run
     )
-    text = f"{kick.caption.removesuffix('.')}. {ground}" if kick.caption and ground else ""
-    text = text or kick.caption or ground
+    text = (
+        ". ".join(filter(None, [kick.caption.removesuffix("."), ground]))
+        if ground
+        else kick.caption
+    )
     brief = [line.partition("; ")[0] for line in kick.warnings]
     warnings = list(dict.fromkeys([*viewer.window.warnings, *brief]))
     panel = kick_panel(impact, kick.path, text, warnings)

@@ -43,16 +43,12 @@ def test_bad_parts_are_refused(changes, word):
         scene(**changes)
 
 
-def test_a_scene_does_not_change_with_what_it_was_made_of():
-    given = {"q": 0.1}
-    made = scene(uncertainty=given)
+def test_a_replacement_changes_its_part_only_and_no_change_of_an_argument_does():
+    parts, given = {"name": "one", "air": kd.Air(), "v": [1, 2, 3]}, {"q": 0.1}
+    made = scene(law=kd.Compliance(contact_time=0.01), uncertainty=given, **parts)
     given["q"] = 2
-    assert made.uncertainty == {"q": 0.1}
-
-
-def test_a_replacement_changes_its_part_only():
-    made = scene(law=kd.Compliance(contact_time=0.01), name="one", air=kd.Air(), v=[1, 2, 3])
     instant = made.as_instant()
+    assert made.uncertainty == instant.uncertainty == {"q": 0.1}
     assert (made.is_compliant, instant.is_compliant, instant.law) == (True, False, "newton")
     for name in ("ball", "contact", "air", "name", "incoming"):
         assert getattr(instant, name) == getattr(made, name), name

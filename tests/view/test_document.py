@@ -139,8 +139,7 @@ def test_ball_arrows_curve_and_leg_are_in_the_places_of_the_page(kick, saved):
 
 def channels(content):
     """Return times and values of the animation by node and target, as the standard defines them."""
-    magic, version, size, length = struct.unpack_from("<4sIII", content)
-    assert (magic, version, size) == (b"glTF", 2, len(content))
+    (length,) = struct.unpack_from("<I", content, 12)
     tree, blob = json.loads(content[20 : 20 + length]), content[28 + length :]
 
     def array(number):

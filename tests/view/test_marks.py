@@ -7,7 +7,6 @@ from drawn_scene import SINGLE, DrawnScene, in_the_picture, packed_array
 from tolerances import agrees, closed_form
 
 from kickdyn.view import marks
-from kickdyn.view import marks as cameras
 from kickdyn.view.document import recording_viewer
 from kickdyn.view.marks import BOTTOM, LEFT, RIGHT, TOP, camera_for, set_stage
 
@@ -126,10 +125,8 @@ def test_lens_and_light_include_all_points(distance):
     camera = camera_for(LEG, points, X)
     stage = staged(camera, points).properties
     lens, sun = "Cameras/default/rotated/<object>", "Lights/FillLight/<object>"
-    away, around = (
-        camera.curve_width(points) / marks.CURVE_RADIUS,
-        np.linalg.norm(points - camera.target, axis=1),
-    )
+    away = camera.curve_width(points) / marks.CURVE_RADIUS
+    around = np.linalg.norm(points - camera.target, axis=1)
     assert stage[lens, "near"] < away.min() < away.max() < stage[lens, "far"]
     assert stage[sun, "reach"] == pytest.approx(around.max())
     assert np.linalg.norm(stage[sun, "position"]) > around.max()  # outside
@@ -151,4 +148,4 @@ def test_a_short_kick_goes_to_the_right_and_a_wall_is_seen_from_behind():
 @pytest.mark.parametrize(("extent", "width"), [
     (6, 1), (11.9, 1), (12, 2), (30, 5), (59, 5), (0.6, 0.1)])  # fmt: skip
 def test_stripes_are_round_numbers_of_a_sixth_or_less(extent, width):
-    assert cameras.stripe_width(extent) == pytest.approx(width)
+    assert marks.stripe_width(extent) == pytest.approx(width)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import click
 
 from kickdyn.cli.check_file import check as check_file
-from kickdyn.cli.commands import busy, print_wrapped, warn
+from kickdyn.cli.commands import busy
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
     BallOptions,
@@ -39,8 +39,7 @@ def check(file: str, package_dirs: tuple[str, ...], output: JsonOptions) -> None
     found = check_file(file, package_dirs)
     output.write_json(found.to_json())
     if output.prints and found.rows:
-        shown = replace(found, problems=(), commands=())
-        print_wrapped("\n".join(repr(shown).splitlines()[1:]), indent=8)
+        output.print_rows(replace(found, problems=(), commands=()))
         for command in found.commands:
             click.echo(f"next: {command}")  # in one line, to be copied
     output.name_written()
@@ -118,14 +117,7 @@ def check_motion(
             ground_friction=recording.ground_friction,
         )  # fmt: skip
     output.write_json(found.to_json())
-    if output.prints:
-        for result in (motion, found):
-            print_wrapped("\n".join(repr(result).splitlines()[1:]))
+    output.print_rows(motion, found)
     output.save_plot(found.plot)
-    if output.view is not None:
-        from kickdyn.view.page import page
-
-        made_page = page(motion)
-        made_page.save(output.view)
-        warn(made_page.warnings)
+    output.save_page(motion)
     output.name_written(output.plot, output.view)

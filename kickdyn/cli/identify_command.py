@@ -134,10 +134,9 @@ def identify(
         output.save_plot(longest_first[0].result.plot)
     if output.view is not None and fits:
         from kickdyn.view.caption import MOST_FLIGHTS  # imports meshcat
-        from kickdyn.view.page import page
 
         shown = sorted(longest_first[:MOST_FLIGHTS])
-        page({f"samples {first}-{last}": result for first, last, result in shown}).save(output.view)
+        output.save_page({f"samples {first}-{last}": result for first, last, result in shown})
     output.name_written(*((output.plot, output.view) if fits else ()))
 
 

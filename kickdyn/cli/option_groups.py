@@ -17,7 +17,7 @@ from kickdyn.aerodynamics.coefficient_model import constant_limits, find_model
 from kickdyn.aerodynamics.drag import MODELS as DRAG_MODELS
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
-from kickdyn.cli.commands import Command, check_page_name
+from kickdyn.cli.commands import Command, check_page_name, print_wrapped, warn
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
@@ -225,6 +225,11 @@ class JsonOptions:
         if self.json_file is not None:
             write_json(self.json_file, document)
 
+    def print_rows(self, *results: Any) -> None:
+        """Print the rows of results, unless stdout is for JSON."""
+        for result in results if self.prints else ():
+            print_wrapped("\n".join(repr(result).splitlines()[1:]))
+
     def name_written(self, *files: object) -> None:
         """Print the names of these files and of the JSON file, all of which were written."""
         for file in (*files, self.json_file):
@@ -269,6 +274,15 @@ class OutputOptions(PlotOptions):
         if self.view is not None:
             check_page_name(self.view)
         super().check(*files, self.view, inputs=inputs)
+
+    def save_page(self, subject: Any, **options: Any) -> None:
+        """Write the page of a subject, as `page` takes it, if a file is named; show warnings."""
+        if self.view is not None:
+            from kickdyn.view.page import page  # imports meshcat
+
+            made_page = page(subject, **options)
+            made_page.save(self.view)
+            warn(made_page.warnings)
 
 
 scene_argument: Callable[[Any], Any] = click.argument(

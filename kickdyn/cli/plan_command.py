@@ -9,7 +9,7 @@ import numpy as np
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.cli.commands import busy, print_wrapped, warn
+from kickdyn.cli.commands import busy, print_wrapped
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
@@ -370,7 +370,7 @@ def plan(
     output.save_plot(planned.plot)
     if output.view is not None:  # the page has the warnings itself
         caption = " ".join(line for line in sentences if not line.startswith("Warning: "))
-        _write_page(report, output.view, caption, run)
+        output.save_page(run or planned, caption=caption, scenery=_scenery(report))
     output.name_written(output.plot, output.view, output.out)
 
 
@@ -394,14 +394,11 @@ def _carry_out(
     return planned, run, noisy
 
 
-def _write_page(report: PlanReport, file: str, caption: str, run: Any) -> None:
-    from kickdyn.view.page import page
-    from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes
+def _scenery(report: PlanReport) -> list[Any]:
+    """Return the boxes of the wall and the goal of a plan."""
+    from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes  # imports meshcat
 
     plan = report.plan
     foot = plan.path.launch.position - np.array([0.0, 0.0, plan.impact.ball.radius])
     boxes = [] if report.wall is None else wall_boxes(foot, plan.aim.ahead, *astuple(report.wall))
-    boxes += goal_boxes(foot, float(plan.aim.target[0])) if report.goal_mouth else []
-    made_page = page(plan if run is None else run, caption=caption, scenery=boxes)
-    made_page.save(file)
-    warn(made_page.warnings)
+    return boxes + (goal_boxes(foot, float(plan.aim.target[0])) if report.goal_mouth else [])

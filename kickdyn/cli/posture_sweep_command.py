@@ -2,7 +2,7 @@
 
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -36,6 +36,7 @@ from kickdyn.sweeps.store import check_netcdf_name, save_netcdf
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE, Progress, sweep, sweep_chunks
 from kickdyn.sweeps.sweep_kick import Kick
 from kickdyn.sweeps.sweep_report import (
+    ReportLine,
     as_json,
     extreme_lines,
     page_lines,
@@ -196,25 +197,32 @@ def posture_sweep(
         from kickdyn.sweeps.sweep_report import sweep_figure
 
         output.save_plot(partial(sweep_figure, summary, lines))
-    pages: dict[str, Any] = {}
+    page = None
     if output.view is not None:
-        from kickdyn.view.page import page, page_of_pages
-
-        pages = {
-            line.label: page(
-                impact, fly(impact.ball_after, kick.ball, kick.air), caption=line.explanation
-            )
-            for line in page_lines(robot, grid, kick, summary, lines)
-            if (impact := line.outcome.impact) is not None
-        }
-        if pages:
-            made_page = page_of_pages(pages)
-            made_page.save(output.view)
-            warn(made_page.warnings)
-        else:
+        page = _save_page(output.view, kick, page_lines(robot, grid, kick, summary, lines))
+        if page is None:
             reason = "" if where is None else f" where {where}"
             click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
-    output.name_written(storing.out, output.plot, output.view if pages else None)
+    output.name_written(storing.out, output.plot, page)
+
+
+def _save_page(file: str, kick: Kick, lines: Iterable[ReportLine]) -> str | None:
+    """Write a page with a button for each line that has an impact; return its name, if any has."""
+    from kickdyn.view.page import page, page_of_pages  # imports meshcat
+
+    pages = {
+        line.label: page(
+            impact, fly(impact.ball_after, kick.ball, kick.air), caption=line.explanation
+        )
+        for line in lines
+        if (impact := line.outcome.impact) is not None
+    }
+    if not pages:
+        return None
+    made_page = page_of_pages(pages)
+    made_page.save(file)
+    warn(made_page.warnings)
+    return file
 
 
 @contextmanager

@@ -197,10 +197,7 @@ def kick_library(
     output.write_json((library if chosen is None else chosen).to_json())
     if chosen is not None and not chosen.met:
         raise InvalidInput(f"there is no kick: {chosen.reason}")
-    if output.prints:
-        for result in (library, chosen):
-            if result is not None:
-                print_wrapped("\n".join(repr(result).splitlines()[1:]))
+    output.print_rows(*filter(None, (library, chosen)))
     if output.out is not None and chosen is not None and chosen.motion is not None:
         chosen.motion.save(output.out)
         if output.prints:

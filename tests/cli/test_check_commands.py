@@ -52,9 +52,8 @@ def test_a_urdf_has_the_masses_and_the_joints_of_pinocchio(file):
         assert numbers(seen[f"joint {name}"][0]) == pytest.approx(right, rel=SHOWN), name
     assert (seen["faces"][0], seen["drives"][0][:4]) == ("x", "none")
     leg = kd.Leg.from_urdf(file, seen["feet"][0].split(", ")[-1])
-    speed = dict(
-        zip(leg.joint_names, abs(leg.posture(leg.configuration()).jacobian[0]), strict=True)
-    )
+    moves = abs(leg.posture(leg.configuration()).jacobian[0])
+    speed = dict(zip(leg.joint_names, moves, strict=True))
     ranges = re.findall(r"--joint (\w+)=(-?\d+):(-?\d+):10", kd.check(file).commands[-1])
     assert {name for name, *_ in ranges} == set(sorted(speed, key=speed.get)[-2:])
     for name, *ends in ranges:  # whole degrees within its range, up to 40 to either side

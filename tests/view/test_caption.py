@@ -13,6 +13,9 @@ import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.view.caption import kick_panel, panel_of
 
+BALL = kd.Ball()
+FELT = kd.Surface("felt", 0.5, 0.5, rolling_deceleration=1.0)
+ROLLING = kd.BallState(velocity=(4, 0, 0), spin=(0, 4 / BALL.radius, 0))
 FLIGHT = SimpleNamespace(method="DOP853, drag", status="landed", range=17.25, duration=1.5)
 
 
@@ -56,9 +59,7 @@ def test_the_numbers_are_those_of_the_impact_and_the_flight():
     (None, 8, 4, 0), (kd.Plane((6, 0, 0), (-1, 0, 0), "centre"), 6, 2, 2)])  # fmt: skip
 def test_a_course_along_the_ground(end, length, time, speed):
     """Rolling 8 m at a deceleration of 1 m/s2, from 4 m/s to rest."""
-    ball, felt = kd.Ball(), kd.Surface("felt", 0.5, 0.5, rolling_deceleration=1.0)
-    launch = kd.BallState(velocity=(4, 0, 0), spin=(0, 4 / ball.radius, 0))
-    course = kd.follow(launch, ball, ground=kd.Ground(-ball.radius, felt), plane=end)
+    course = kd.follow(ROLLING, BALL, ground=kd.Ground(-BALL.radius, FELT), plane=end)
     shown = rows(kick_panel(numbers(), course, ""))
     assert shown["path"] == f"{length} m along the ground"
     assert (shown["time"], shown["final speed"]) == (f"{time} s", f"{speed} m/s")
@@ -96,9 +97,6 @@ def test_names_and_texts_are_escaped(load, spoil):
     assert "<script>alert(1)" not in kd.page(hit, caption="<script>alert(1)").html
 
 
-BALL = kd.Ball()
-FELT = kd.Surface("felt", 0.5, 0.5, rolling_deceleration=1.0)
-ROLLING = kd.BallState(velocity=(4, 0, 0), spin=(0, 4 / BALL.radius, 0))
 PARABOLA = kd.fly(kd.BallState(velocity=(10, 0, GRAVITY)), BALL, None)
 COURSE = kd.follow(ROLLING, BALL, ground=kd.Ground(-BALL.radius, FELT))
 

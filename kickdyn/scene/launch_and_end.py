@@ -29,8 +29,8 @@ STATUSES_WITH_END = (FlightStatus.LANDED, FlightStatus.AT_PLANE, FlightStatus.AT
 SMALLEST_TOLERANCE = 1e-9
 """Relative tolerance of the integrators of flight and, at tightest, of contact."""
 
-LARGEST_TOLERANCE = 1e-3
-"""Largest relative tolerance of the integrator of the contact."""
+USUAL_TOLERANCE = 1e-6
+"""Relative tolerance of the integrator of the contact at first; larger ones save no time."""
 
 RELATIVE_DIFFERENCE = 1e-4
 """Step of the differences after a bounce, relative to the speed."""
@@ -218,21 +218,6 @@ def collision_error(scene: Scene, launch: BallState, tol: float) -> LaunchError:
     speed, spin, radius = float(launch.speed), float(np.linalg.norm(launch.spin)), scene.ball.radius
     share = COLLIDE_SAFETY * tol
     return LaunchError(share * speed, share * max(spin, speed / radius), share * radius)
-
-
-def contact_tolerance(scene: Scene, path: Flight | Course, allowed: float) -> float:
-    """Return a tolerance of `collide` with which a path's end is wrong by at most a distance [m].
-
-    The error of the end may fall more slowly than the tolerance, as by a lift that grows with a
-    root of the spin.
-    """
-    tol = LARGEST_TOLERANCE
-    for _ in range(4):
-        error = end_error(scene, path, collision_error(scene, path.launch, tol))
-        if error <= allowed:
-            break
-        tol = max(tol * allowed / error, SMALLEST_TOLERANCE)
-    return tol
 
 
 def contact_time_error(scene: Scene, impact: Impact) -> LaunchError:

@@ -24,10 +24,10 @@ from kickdyn.scene.effects import Effect, EffectSize, effects_of
 from kickdyn.scene.launch_and_end import (
     SMALLEST_TOLERANCE,
     STATUSES_WITH_END,
+    USUAL_TOLERANCE,
     collide_scene,
     collision_error,
     contact_time_error,
-    contact_tolerance,
     end_error,
     end_of,
     end_slopes,
@@ -38,15 +38,10 @@ from kickdyn.scene.launch_and_end import (
 from kickdyn.scene.scene import Passage, Scene, Score, passage_on, score_at
 
 CONTACT_SHARE = 0.9
-"""Fraction of the tolerance for a neglected contact time, or else for its integrator; flights are
-far more exact than the rest of it requires."""
+"""Fraction of the tolerance for a neglected contact time, or else for its integrator."""
 
 ROUNDING = 1e-12
 """Smallest tolerance [m]: rounding alone may move an end some metres away that far."""
-
-ERROR_SHARE = 0.5
-"""Fraction of the allowed error for which the tolerance of the contact's integrator is chosen, from
-another launch than the one that it finds."""
 
 _PHRASES = {"landed": "landed at", "at-plane": "reached the plane at", "at-rest": "came to rest at"}
 """By status, how the path of the ball ends."""
@@ -314,8 +309,8 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
 
     The contact time is neglected if it moves the end by less than 0.9 of the tolerance, as
     estimated by strikes of an instantaneous contact where the foot is meanwhile; otherwise the
-    contact is integrated as exactly as the tolerance requires. All other effects are always
-    modelled, and the flight is integrated to a relative tolerance of 1e-9.
+    contact is integrated to a relative tolerance of 1e-6, or 1e-9 if that does not suffice. All
+    other effects are always modelled, and the flight is integrated to 1e-9.
 
     Args:
         scene: the scene of the kick.
@@ -353,18 +348,19 @@ def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
     instant = strike_scene(scene)
     if tolerance is None or not scene.is_compliant:
         return _with_path(scene, tolerance, instant)
-    allowed, tol = CONTACT_SHARE * tolerance, SMALLEST_TOLERANCE
-    with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
-        path = fly_scene(scene, instant.ball_after)
-        size = end_error(scene, path, contact_time_error(scene, instant))
-        # where the path ends at once, the launch with contact time may well fly
-        if size <= allowed and path.duration > 0.0:
-            return _with_path(scene, tolerance, instant, path, size)
-        tol = contact_tolerance(scene, path, ERROR_SHARE * allowed)
-    answer = _with_path(scene, tolerance, collide_scene(scene, tol))
-    error = end_error(scene, answer.path, collision_error(scene, answer.launch, tol))
-    if allowed < error < math.inf and tol > SMALLEST_TOLERANCE:
-        answer = _with_path(scene, tolerance, collide_scene(scene, SMALLEST_TOLERANCE))
+    allowed, launch_error = CONTACT_SHARE * tolerance, contact_time_error(scene, instant)
+    if launch_error.velocity < math.inf:
+        with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
+            path = fly_scene(scene, instant.ball_after)
+            size = end_error(scene, path, launch_error)
+            # where the path ends at once, the launch with contact time may well fly
+            if size <= allowed and path.duration > 0.0:
+                return _with_path(scene, tolerance, instant, path, size)
+    for tol in (USUAL_TOLERANCE, SMALLEST_TOLERANCE):
+        answer = _with_path(scene, tolerance, collide_scene(scene, tol))
+        error = end_error(scene, answer.path, collision_error(scene, answer.launch, tol))
+        if not allowed < error < math.inf:
+            break
     return answer
 
 

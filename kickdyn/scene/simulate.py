@@ -156,10 +156,10 @@ class Simulation(Printed):
         These are the effects with the smallest sizes; their sizes add up to at most half of the
         tolerance. All but the contact time are modelled all the same, because that takes no time.
         """
-        sizes = sorted((size, name) for name, size in self.effect_sizes.items() if size < math.inf)
-        totals = accumulate(size for size, _ in sizes)
-        count = sum(total <= 0.5 * (self.tolerance or 0.0) for total in totals)
-        return tuple(name for _, name in sizes[:count])
+        sizes = {name: size for name, size in self.effect_sizes.items() if math.isfinite(size)}
+        names = sorted(sizes, key=sizes.__getitem__)
+        totals = accumulate(sizes[name] for name in names)
+        return tuple(names[: sum(total <= 0.5 * (self.tolerance or 0.0) for total in totals)])
 
     @property
     def method(self) -> str:

@@ -13,7 +13,7 @@ from impact_methods import measure_impacts
 from measurement import Measurement, front_figure
 from rich.console import Console
 
-from kickdyn.core.console import empty_table, screen_width
+from kickdyn.core.representation import empty_table, screen_width
 
 TITLES = {
     "impact": "Impulse in posture a of Table 2 at 10 m/s; reference of 50 digits; *: Pareto front",

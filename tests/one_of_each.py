@@ -15,9 +15,9 @@ from kickdyn.motion.motion import Motion
 from kickdyn.motion.recorded_motion import record
 from kickdyn.planning.reach import ReachRow, ReachTable
 from kickdyn.simulators.mujoco_fit import KickError
-from kickdyn.simulators.noisy_runs import NoisyRuns
+from kickdyn.simulators.repeated_runs import NoisyRuns
 from kickdyn.simulators.run_in_mujoco import MujocoRun
-from kickdyn.simulators.tune_mujoco import MujocoGoal, MujocoTuning
+from kickdyn.simulators.tune_mujoco import MujocoTuning
 
 BALL = kd.Ball(0.41, 0.105, pressure=80e3)
 LEG = kd.Leg.human()
@@ -54,13 +54,11 @@ def recorded():
 
 def tuning():
     return MujocoTuning(
-        (-3e4, -40.0), (0.9, 0.95, 0.001, 0.5, 2.0), 0.4, (-1.0, -55.0), 3, 0.007, 0.002,
+        (-3e4, -40.0), (0.9, 0.95, 0.001, 0.5, 2.0), 0.4, (-1.0, -55.0), 0.007, 0.002,
         "implicitfast", 0.009, 0.010,
         (KickError("", 0.05, 0.02, math.radians(3), 0.6),
          KickError("speed x 0.5", 0.06, 0.08, math.radians(9), 1.1)),
-        0.03, (MujocoGoal("speed", 0.02, 0.03),
-               MujocoGoal("direction", math.radians(3), math.radians(1))),
-        "<mujoco/>", BALL, np.array([1.0, 2.0, 3.0]),
+        0.03, "<mujoco/>", BALL, np.array([1.0, 2.0, 3.0]),
     )  # fmt: skip
 
 

@@ -102,19 +102,18 @@ class FileCheck(ReprMixin):
 
     def to_json(self) -> dict[str, Any]:
         """Return the lines with their numbers, in the units that they name."""
+
+        def plain(value: object) -> Any:
+            if isinstance(value, float):
+                return finite(float(value))
+            numbers = isinstance(value, int | np.generic | np.ndarray)
+            return np.asarray(value).tolist() if numbers else format_value(value)
+
         rows = [
-            {"name": name, "value": _plain_value(value), "unit": unit}
-            for name, value, unit in self.rows
+            {"name": name, "value": plain(value), "unit": unit} for name, value, unit in self.rows
         ]
         return {"kind": self.kind, "rows": rows, "problems": [*self.problems],
                 "commands": [*self.commands]}  # fmt: skip
-
-
-def _plain_value(value: object) -> Any:
-    if isinstance(value, float):
-        return finite(float(value))
-    numbers = isinstance(value, int | np.generic | np.ndarray)
-    return np.asarray(value).tolist() if numbers else format_value(value)
 
 
 class _Found:
@@ -131,6 +130,11 @@ class _Found:
     def propose(self, *words: str) -> None:
         """Add a command that comes next."""
         self.commands.append(shlex.join(["kickdyn", *words]))
+
+    def name_fit(self, read: str, what: str) -> None:
+        """Add the call in Python that fits the motion of a leg."""
+        call = f"kd.fit_motion(kd.BodyTrack.{read}({self.path!r}), leg, {what}={{...}})"
+        self.add("in Python", f"{call} is the motion of a leg")
 
 
 @validation.check_arguments
@@ -366,7 +370,7 @@ def _check_markers(found: _Found) -> None:
     for name, frames in track.gaps.items():
         first, last = track.times[[frames[0], frames[-1]]]
         found.add(f"gaps of {name}", len(frames), f"frames, {first:.4g} to {last:.4g} s")
-    _name_fit(found, f"from_{ending[1:]}", "markers")
+    found.name_fit(f"from_{ending[1:]}", "markers")
     if len(track) < 2:
         return
     speeds = np.linalg.norm(np.gradient(track.positions, track.times, axis=0), axis=2)
@@ -398,12 +402,7 @@ def _check_angles(found: _Found) -> None:
                     found.problems.append(str(error))
         if known.size < values.size:
             found.add(f"gaps of {name}", values.size - known.size, "rows")
-    _name_fit(found, "from_mot", "angles")
-
-
-def _name_fit(found: _Found, read: str, what: str) -> None:
-    call = f"kd.fit_motion(kd.BodyTrack.{read}({found.path!r}), leg, {what}={{...}})"
-    found.add("in Python", f"{call} is the motion of a leg")
+    found.name_fit("from_mot", "angles")
 
 
 def _check_ball(found: _Found) -> None:
@@ -452,11 +451,8 @@ def _add_times(found: _Found, what: str, times: Array) -> None:
     gaps = np.flatnonzero(steps > GAP * usual)
     if gaps.size:
         largest = gaps[np.argmax(steps[gaps])]
-        found.add(
-            "gaps in time",
-            gaps.size,
-            f"the longest {steps[largest]:.4g} s, from {times[largest]:.4g} s",
-        )
+        longest = f"the longest {steps[largest]:.4g} s, from {times[largest]:.4g} s"
+        found.add("gaps in time", gaps.size, longest)
 
 
 def _check_toml(found: _Found) -> None:

@@ -7,7 +7,6 @@ and 30 deg upwards.
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -31,6 +30,7 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import contact_row, joined_state, strike, with_ball
 from kickdyn.impact.strike_many import strike_many
 from kickdyn.robot.leg import Leg
+from kickdyn.scene.launch_and_end import end_of
 from kickdyn.scene.scene import Compliance, Scene
 from kickdyn.scene.simulate import simulate
 from kickdyn.scene.simulate_many import simulate_many
@@ -65,8 +65,7 @@ _ANSWERS = {
 """What the functions compute: only the errors of the same answer can be compared."""
 
 
-@dataclass(frozen=True)
-class FunctionCost:
+class FunctionCost(NamedTuple):
     """One function: its cost for a row, and its errors.
 
     Attributes:
@@ -113,18 +112,10 @@ def measure_functions(report: Callable[[str], None] = lambda _: None) -> list[Fu
     for code in (strike_kernel.KERNEL, COLLIDE, MARCH, sweep_kernel.KERNEL, EVALUATE):
         code.pays(math.inf)
     rows = []
-    for measured in functions():
-        report(measured.name)
-        seconds, alike = (
-            _seconds(run) / measured.rows if run else math.nan
-            for run in (measured.run, measured.run_alike)
-        )
-        rows.append(
-            FunctionCost(
-                measured.name, seconds, measured.rows > 1, measured.rounding(), measured.model,
-                alike,
-            )
-        )  # fmt: skip
+    for name, run, count, rounding, model, alike in functions():
+        report(name)
+        seconds, of_alike = (_seconds(call) / count if call else math.nan for call in (run, alike))
+        rows.append(FunctionCost(name, seconds, count > 1, rounding(), model, of_alike))
     return rows
 
 
@@ -148,22 +139,17 @@ def _gap(answer: Any, exact: Any) -> float:
 
 
 class Measured(NamedTuple):
-    """A function that is measured.
+    """A function that is measured: its call, for a number of rows, of a batch a mixture of them.
 
-    Attributes:
-        name: its name.
-        run: the call; of a batch, with a mixture of rows.
-        rows: their number.
-        rounding: function of the relative error by rounding and integration.
-        model: relative error of the model.
-        run_alike: the call of a batch whose rows are all the same kick.
+    `rounding` returns the relative error by rounding and integration, `model` is that of the model;
+    `run_alike` is the call of a batch whose rows are all the same kick.
     """
 
     name: str
     run: Callable[[], object]
     rows: int
     rounding: Callable[[], float]
-    model: float
+    model: float = math.nan
     run_alike: Callable[[], object] | None = None
 
 
@@ -193,49 +179,45 @@ def _impacts() -> Iterator[Measured]:
     impact, smooth = kick(FRICTION), kick(0.0)
     leg, ball, contact = impact.posture.leg, impact.ball, impact.contact
     q, v = np.radians(ANGLES), impact.v_before
-    exact, compliant = EXACT[FRICTION], collide(impact.posture, v, ball, contact, tol=1e-12)
-    model = _gap(impact.impulse, compliant.impulse)
+    exact, compliant = EXACT[FRICTION], collide(impact.posture, v, ball, contact, tol=1e-12).impulse
+    model = _gap(impact.impulse, compliant)
 
     def joint_impulses() -> Array:
         return strike(leg.posture(q), v, ball, contact).joint_impulses
 
     yield Measured("strike", joint_impulses, 1, lambda: _gap(impact.impulse, exact), model)
-    alone = impulse_dynamics(smooth)
-    yield Measured(
-        "pin.impulseDynamics, bare", alone, 1, lambda: _gap(alone(), EXACT[0.0]),
-        _gap(smooth.impulse, compliant.impulse),
-    )  # fmt: skip
+    alone, of_smooth = impulse_dynamics(smooth), _gap(smooth.impulse, compliant)
+    name = "pin.impulseDynamics, bare"
+    yield Measured(name, alone, 1, lambda: _gap(alone(), EXACT[0.0]), of_smooth)
     alike, mixed = (np.tile(q, (ROWS, 1)), np.tile(v, (ROWS, 1))), mixture(q, v)
 
-    def strikes(many: tuple[Array, Array] = mixed) -> Array:
-        return strike_many(leg, *many, ball, contact).impulse
+    def batch(function: Callable[..., Any], right: Any, model: float = math.nan) -> Measured:
+        def run(many: tuple[Array, Array] = mixed) -> Array:
+            return np.asarray(function(leg, *many, ball, contact).impulse)
 
-    yield Measured("strike_many", strikes, ROWS, lambda: _gap(strikes()[-1], exact), model,
-                   partial(strikes, alike))  # fmt: skip
+        def error() -> float:
+            return _gap(run()[-1], right)
+
+        return Measured(function.__name__, run, ROWS, error, model, partial(run, alike))
+
+    yield batch(strike_many, exact, model)
     names, steps = leg.joint_names, 0.625 * np.arange(81.0)
     grid = {name: np.radians(low + steps) for name, low in zip(names, (-10, 0, -20), strict=True)}
     angles = {f"{name}_deg": angle for name, angle in zip(names, ANGLES, strict=True)}
     setting = Kick(speed=FOOT_SPEED, attack=ATTACK, friction=FRICTION, ball=ball)
 
     def of_sweep() -> float:
-        data = sweep(leg, grid, setting)
-        chosen = data.swap_dims({name: f"{name}_deg" for name in names})
-        return abs(float(chosen.sel(angles, method="nearest").impulse) / math.hypot(*exact) - 1.0)
+        data = sweep(leg, grid, setting).swap_dims({name: f"{name}_deg" for name in names})
+        impulse = data.sel(angles, method="nearest").impulse
+        return abs(float(impulse) / math.hypot(*exact) - 1.0)
 
     yield Measured("sweep", lambda: sweep(leg, grid, setting, threads=1), 81**3, of_sweep, model)
-    default = collide(impact.posture, v, ball, contact)
+    default = collide(impact.posture, v, ball, contact).impulse
     yield Measured(
         "collide", lambda: collide(leg.posture(q), v, ball, contact), 1,
-        lambda: _gap(default.impulse, compliant.impulse), math.nan,
+        lambda: _gap(default, compliant),
     )  # fmt: skip
-
-    def contacts(many: tuple[Array, Array] = mixed) -> Array:
-        return collide_many(leg, *many, ball, contact).impulse
-
-    yield Measured(
-        "collide_many", contacts, ROWS, lambda: _gap(contacts()[-1], compliant.impulse), math.nan,
-        partial(contacts, alike),
-    )  # fmt: skip
+    yield batch(collide_many, compliant)
 
 
 def _flights() -> Iterator[Measured]:
@@ -244,45 +226,36 @@ def _flights() -> Iterator[Measured]:
     alike = BallState(*(np.tile(vector, (ROWS, 1)) for vector in
                         (launch.position, launch.velocity, launch.spin)))  # fmt: skip
     draw = np.random.default_rng(0)
-    velocity, spin = (
-        draw.uniform((5, -5, -2), (30, 5, 15), (ROWS, 3)),
-        draw.normal(0, 30, (ROWS, 3)),
-    )
+    velocity = draw.uniform((5, -5, -2), (30, 5, 15), (ROWS, 3))
+    spin = draw.normal(0, 30, (ROWS, 3))
     velocity[-1], spin[-1] = launch.velocity, launch.spin
     mixed = BallState(launch.position, velocity, spin)
-    start = launch.position
-    landing = fly(launch, ball, air, tol=1e-13).landing.position - start
-    end = follow(launch, ball, air, tol=1e-13).rest.position - start
-    yield Measured(
-        "fly", lambda: fly(launch, ball, air), 1,
-        lambda: _gap(fly(launch, ball, air).landing.position - start, landing), math.nan,
-    )  # fmt: skip
-    yield Measured(
-        "fly_many", lambda: fly_many(mixed, ball, air), ROWS,
-        lambda: _gap(fly_many(mixed, ball, air).landing_position.values[-1] - start, landing),
-        math.nan, lambda: fly_many(alike, ball, air),
-    )  # fmt: skip
-    yield Measured(
-        "follow", lambda: follow(launch, ball, air), 1,
-        lambda: _gap(follow(launch, ball, air).rest.position - start, end), math.nan,
-    )  # fmt: skip
-    yield Measured(
-        "follow_many", lambda: follow_many(mixed, ball, air), ROWS,
-        lambda: _gap(follow_many(mixed, ball, air).position.values[-1] - start, end), math.nan,
-        lambda: follow_many(alike, ball, air),
-    )  # fmt: skip
+    single: Any
+    batch: Any
+    for single, batch, ends in ((fly, fly_many, "landing_position"),
+                                (follow, follow_many, "position")):  # fmt: skip
+        one, many = partial(single, launch, ball, air), partial(batch, mixed, ball, air)
+        exact = end_of(one(tol=1e-13)).position - launch.position
+
+        def error_of_one(one: Any = one, exact: Array = exact) -> float:
+            return _gap(end_of(one()).position - launch.position, exact)
+
+        def error_of_many(many: Any = many, exact: Array = exact, ends: str = ends) -> float:
+            return _gap(many()[ends].values[-1] - launch.position, exact)
+
+        yield Measured(single.__name__, one, 1, error_of_one)
+        same = partial(batch, alike, ball, air)
+        yield Measured(batch.__name__, many, ROWS, error_of_many, run_alike=same)
     kicked = impact.posture, impact.v_before, ball, impact.contact
     scene = Scene(*kicked, air=air, law=Compliance(contact_time=0.01), uncertainty={"v": 0.1})
     calm, reference = scene.replace(uncertainty={}), simulate(scene, None)
-    length = reference.end.position - reference.launch.position
+    length = reference.end.position - launch.position
 
     def of_simulation() -> float:
-        return _gap(simulate(calm).end.position - reference.launch.position, length)
+        return _gap(simulate(calm).end.position - launch.position, length)
 
-    yield Measured("simulate", lambda: simulate(calm), 1, of_simulation, math.nan)
-    yield Measured(
-        "simulate_many", lambda: simulate_many(scene, ROWS), ROWS, lambda: math.nan, math.nan
-    )  # fmt: skip
+    yield Measured("simulate", lambda: simulate(calm), 1, of_simulation)
+    yield Measured("simulate_many", lambda: simulate_many(scene, ROWS), ROWS, lambda: math.nan)
 
 
 def on_front(rows: Sequence[FunctionCost], kind: str) -> set[str]:

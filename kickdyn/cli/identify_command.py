@@ -8,8 +8,8 @@ import numpy as np
 
 from kickdyn.aerodynamics.drag import MODELS
 from kickdyn.air import Air
-from kickdyn.cli.command import Command, busy
-from kickdyn.cli.option_groups import BallOptions, OutputOptions, option, read_drag, takes
+from kickdyn.cli.commands import busy
+from kickdyn.cli.option_groups import BallOptions, OutputOptions, command, option, read_drag
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.ground import Ground
 from kickdyn.identification.identification_result import (
@@ -51,10 +51,8 @@ class MeasurementOptions:
         if file.lower().endswith(".c3d"):
             return Track.from_c3d(file, self.marker)
         if self.marker is not None:
-            raise InvalidInput(
-                f"--marker is {self.marker!r}: it is for a C3D file, and {file} does not end in "
-                ".c3d"
-            )
+            what = f"--marker is {self.marker!r}"
+            raise InvalidInput(f"{what}: it is for a C3D file, and {file} does not end in .c3d")
         return Track.from_csv(file, [name.strip() for name in self.columns.split(",")])
 
 
@@ -66,7 +64,7 @@ class Fit(NamedTuple):
     result: Identification
 
 
-@click.command("identify", Command)
+@command("identify")
 @click.argument("track_file", metavar="TRACK", type=click.Path())
 @click.option("--start", type=int, metavar="I", help="First sample of one flight to fit.")
 @click.option("--end", type=int, metavar="J", help="First sample after this flight.")
@@ -74,7 +72,6 @@ class Fit(NamedTuple):
               help="What is fitted: a constant drag coefficient; a factor of a drag model, by its "
               f"name ({', '.join(MODELS)}); or nothing, with the coefficient kept at a "
               "number.")  # fmt: skip
-@takes(measurement=MeasurementOptions, ball=BallOptions, output=OutputOptions)
 def identify(
     track_file: str,
     start: int | None,
@@ -136,27 +133,25 @@ def identify(
     if fits:
         output.save_plot(longest_first[0].result.plot)
     if output.view is not None and fits:
-        from kickdyn.view.comparison import MOST_FLIGHTS  # imports meshcat
-        from kickdyn.view.page import page
+        from kickdyn.view.caption import MOST_FLIGHTS  # imports meshcat
 
         shown = sorted(longest_first[:MOST_FLIGHTS])
-        page({f"samples {first}-{last}": result for first, last, result in shown}).save(output.view)
+        output.save_page({f"samples {first}-{last}": result for first, last, result in shown})
     output.name_written(*((output.plot, output.view) if fits else ()))
 
 
 def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None:
     """Print the segments of the track, a line for each flight, and the means over the flights."""
-    if split is not None:
-        click.echo(f"{split}\n")
+    lines = [] if split is None else [f"{split}\n"]
     if len(fits) == 1:
-        click.echo(str(fits[0].result))
+        lines.append(str(fits[0].result))
     elif fits:
         names = fits[0].result.names[6:]  # without position and velocity
         heads = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in names]
         head = "".join(f"{head:>20}" for head in heads)
-        click.echo(f"samples     speed [m/s]  left out  rms [cm]  {head}")
+        lines.append(f"samples     speed [m/s]  left out  rms [cm]  {head}")
         for first, last, result in fits:
-            texts = [
+            cells = [
                 with_deviation(result.values[name], result.deviations[name])
                 if name in result.values
                 else "not determined"
@@ -164,35 +159,32 @@ def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None
             ]
             speed, rms = float(result.launch.speed), 100 * result.rms
             numbers = f"{speed:11.2f}  {result.outliers:8}  {rms:8.2f}"
-            cells = "".join(f"{text:>20}" for text in texts)
-            click.echo(f"{f'{first}-{last}':11} {numbers}  {cells}")
-        for name, mean in _means(fits).items():
-            text = mean or "fewer than two flights determine it"
-            click.echo(f"{AVERAGED[name]} over the whole track: {text}")
-        warned = [fit for fit in fits if fit.result.warnings]
-        if warned:
-            click.echo(
+            row = "".join(f"{cell:>20}" for cell in cells)
+            lines.append(f"{f'{first}-{last}':11} {numbers}  {row}")
+        unknown = "fewer than two flights determine it"
+        lines += [
+            f"{AVERAGED[name]} over the whole track: {mean or unknown}"
+            for name, mean in _means(fits).items()
+        ]
+        if warned := [fit for fit in fits if fit.result.warnings]:
+            lines.append(
                 f"{len(warned)} of {len(fits)} flights have warnings: --json FILE writes them, "
                 f"--start {warned[0].first} --end {warned[0].last} prints one flight's"
             )
     elif not failures:
-        click.echo(
+        lines.append(
             f"no flight of at least {SHORTEST:g} s was found: times must be in seconds, positions "
             "in metres with z up"
         )
     if split is not None and split.flights:
         short, ends = _unused(split)
-        if short:
-            click.echo(
-                f"{short} of {len(split.flights)} flights are shorter than {SHORTEST:g} s without "
-                "their ends and were not fitted"
-            )
-        click.echo(
+        less = f"flights are shorter than {SHORTEST:g} s without their ends and were not fitted"
+        lines += [f"{short} of {len(split.flights)} {less}"] if short else []
+        lines.append(
             f"{ends} samples within {SMOOTHED:g} s of a flight's ends were not used, because "
             "tracking systems smooth over touches"
         )
-    for line in failures:
-        click.echo(f"not fitted: {line}")
+    click.echo("\n".join([*lines, *(f"not fitted: {line}" for line in failures)]))
 
 
 def _means(fits: list[Fit]) -> dict[str, FlightMean | None]:

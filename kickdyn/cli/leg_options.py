@@ -10,7 +10,7 @@ from typing import Any
 import click
 import numpy as np
 
-from kickdyn.cli.command import warn
+from kickdyn.cli.commands import warn
 from kickdyn.cli.option_groups import Numbers, option
 from kickdyn.core import validation
 from kickdyn.core.files import read_toml

@@ -1,14 +1,15 @@
 """Options of command lines in groups: a dataclass each for the ball, the air, the contact, files.
 
-A field of a group is an option. `takes` adds the options of groups to a command, which receives the
-filled groups; their methods make the library's objects of what was typed.
+A field of a group is an option. A `command` has the options of groups, and receives the filled
+groups; their methods make the library's objects of what was typed.
 """
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, fields, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import wraps
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 
@@ -16,15 +17,13 @@ from kickdyn.aerodynamics.coefficient_model import constant_limits, find_model
 from kickdyn.aerodynamics.drag import MODELS as DRAG_MODELS
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
-from kickdyn.cli.command import check_page_name
+from kickdyn.cli.commands import Command, check_page_name, print_wrapped, warn
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput, printable
 from kickdyn.restitution import MODELS as RESTITUTION_MODELS
 from kickdyn.restitution import read_restitution
-
-Command = TypeVar("Command", bound=Callable[..., Any])
 
 NAMED_BALLS = {"size-5": Ball, "paper": Ball.paper}
 
@@ -34,28 +33,31 @@ def option(*names: str, **settings: Any) -> Any:
     return field(metadata={"names": names, "settings": settings})
 
 
-def takes(**groups: type[Any]) -> Callable[[Command], Command]:
-    """Return a decorator that adds the options of groups to a command.
+def command(name: str) -> Callable[[Callable[..., None]], click.Command]:
+    """Return a decorator that makes a command of a function.
 
-    The command receives each group as the argument of its name.
+    The function receives groups as the arguments that they annotate.
     """
 
-    def add(command: Command) -> Command:
-        @wraps(command)
-        def with_groups(**values: Any) -> Any:
+    def make(function: Callable[..., None]) -> click.Command:
+        annotated = function.__annotations__.items()
+        groups: dict[str, Any] = {key: kind for key, kind in annotated if is_dataclass(kind)}
+
+        @wraps(function)
+        def with_groups(**values: Any) -> None:
             filled = {
-                name: group(**{entry.name: values.pop(entry.name) for entry in fields(group)})
-                for name, group in groups.items()
+                key: group(**{entry.name: values.pop(entry.name) for entry in fields(group)})
+                for key, group in groups.items()
             }
-            return command(**values, **filled)
+            function(**values, **filled)
 
         for group in reversed(groups.values()):
             for entry in reversed(fields(group)):
                 names, settings = entry.metadata["names"], entry.metadata["settings"]
                 click.option(*names, entry.name, **settings)(with_groups)
-        return with_groups  # type: ignore[return-value]
+        return click.command(name, Command)(with_groups)
 
-    return add
+    return make
 
 
 class Numbers(click.ParamType):  # type: ignore[type-arg]
@@ -71,11 +73,9 @@ class Numbers(click.ParamType):  # type: ignore[type-arg]
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the numbers as a tuple."""
-        count = self.name.count(self._separator) + 1
-        try:
+        count, numbers = self.name.count(self._separator) + 1, tuple[float, ...]()
+        with suppress(ValueError):
             numbers = tuple(map(float, value.split(self._separator)))
-        except ValueError:
-            numbers = ()
         if len(numbers) == count and not all(map(math.isfinite, numbers)):
             self.fail(f"{value!r}: every number of {self.name} must be finite.", param, ctx)
         if len(numbers) != count:
@@ -225,6 +225,11 @@ class JsonOptions:
         if self.json_file is not None:
             write_json(self.json_file, document)
 
+    def print_rows(self, *results: Any) -> None:
+        """Print the rows of results, unless stdout is for JSON."""
+        for result in results if self.prints else ():
+            print_wrapped("\n".join(repr(result).splitlines()[1:]))
+
     def name_written(self, *files: object) -> None:
         """Print the names of these files and of the JSON file, all of which were written."""
         for file in (*files, self.json_file):
@@ -270,8 +275,17 @@ class OutputOptions(PlotOptions):
             check_page_name(self.view)
         super().check(*files, self.view, inputs=inputs)
 
+    def save_page(self, subject: Any, **options: Any) -> None:
+        """Write the page of a subject, as `page` takes it, if a file is named; show warnings."""
+        if self.view is not None:
+            from kickdyn.view.page import page  # imports meshcat
 
-scene_argument: Callable[[Command], Command] = click.argument(
+            made_page = page(subject, **options)
+            made_page.save(self.view)
+            warn(made_page.warnings)
+
+
+scene_argument: Callable[[Any], Any] = click.argument(
     "scene_file", metavar="SCENE", type=click.Path()
 )
 """Gives a command the argument `scene_file`."""

@@ -4,16 +4,15 @@ from itertools import chain
 
 import click
 
-from kickdyn.cli.command import Command, busy
-from kickdyn.cli.option_groups import JsonOptions, takes
+from kickdyn.cli.commands import busy
+from kickdyn.cli.option_groups import JsonOptions, command
 from kickdyn.paper.item import Item
 from kickdyn.paper.reproduce import chosen, show
 
 
-@click.command("paper", Command)
+@command("paper")
 @click.option("--only", metavar="ITEM",
               help="Show one table or figure only, such as table2 or fig10.")  # fmt: skip
-@takes(output=JsonOptions)
 def paper(only: str | None, output: JsonOptions) -> None:
     """Reproduce the ICRA 2005 paper's tables and figures, item by item.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.cli.command import Command, busy, print_wrapped, warn
+from kickdyn.cli.commands import busy, print_wrapped
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
@@ -17,8 +17,8 @@ from kickdyn.cli.option_groups import (
     Numbers,
     OutputOptions,
     PointOptions,
+    command,
     option,
-    takes,
 )
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
@@ -39,10 +39,10 @@ from kickdyn.planning.plan_report import (
 )
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
-from kickdyn.scene.pitch import Wall, check_before, read_wall
+from kickdyn.scene.scene import Wall, check_before, read_wall
 
 if TYPE_CHECKING:
-    from kickdyn.simulators.noisy_runs import NoisyRuns
+    from kickdyn.simulators.repeated_runs import NoisyRuns
     from kickdyn.simulators.run_in_mujoco import MujocoRun
 
 CROUCH_SHARE = 0.1
@@ -151,10 +151,9 @@ class KickOptions:
         "height and side of the target are measured from there.",
     )  # fmt: skip
     ball_velocity: tuple[float, float, float] | None = option(
-        "--ball-velocity",
-        type=Numbers("X,Y,Z"),
+        "--ball-velocity", type=Numbers("X,Y,Z"),
         help="Its velocity then [m/s]; without a vertical part, the ball is on the ground.",
-    )
+    )  # fmt: skip
     ball_spin: tuple[float, float, float] | None = option(
         "--ball-spin", type=Numbers("X,Y,Z"),
         help="Its spin then [rad/s].  [default: none]",
@@ -191,16 +190,15 @@ class KickOptions:
             raise InvalidInput("--ball-height and --ball-at are both given: give one of the two")
         needed = {"--ball-position": self.ball_position, "--ball-velocity": self.ball_velocity}
         missing = [name for name, value in needed.items() if value is None]
-        moving = not missing
         for name in ("ball_position", "ball_velocity", "ball_spin", "meet_at", "trap"):
             if getattr(self, name) is not None and missing:
                 raise InvalidInput(
                     f"{' and '.join(missing)} missing: --{name.replace('_', '-')} is for a moving "
                     "ball, which needs a position and a velocity"
                 )
-        if moving and (self.ball_height is not None or self.ball_at is not None):
+        if not missing and (self.ball_height is not None or self.ball_at is not None):
             raise InvalidInput("--ball-position excludes --ball-height and --ball-at")
-        if moving and self.motion:
+        if not missing and self.motion:
             raise InvalidInput("--ball-position excludes --motion: a motion strikes a ball at rest")
         if self.both_feet and not self.motion:
             raise InvalidInput("--both-feet is given: it needs the motion, so add --motion")
@@ -305,18 +303,13 @@ class WindyAirOptions(AirOptions):
         if self.wind is None:
             return air
         if air is None:
-            raise InvalidInput(
-                f"--wind is {list(self.wind)}, but --air is none: there is no wind in a vacuum"
-            )
+            what = f"--wind is {list(self.wind)}"
+            raise InvalidInput(f"{what}, but --air is none: there is no wind in a vacuum")
         validation.number("wind", math.hypot(*self.wind), at_most=SPEED_LIMIT, unit="m/s")
         return replace(air, wind=np.array(self.wind))
 
 
-@click.command("plan", Command)
-@takes(
-    goal=GoalOptions, leg=LegOptions, contact=PointOptions, kick=KickOptions, air=WindyAirOptions,
-    ball=BallOptions, output=PlanOutputOptions,
-)  # fmt: skip
+@command("plan")
 def plan(
     goal: GoalOptions,
     leg: LegOptions,
@@ -366,8 +359,7 @@ def plan(
     if output.out is not None and motion is not None:
         motion.save(output.out)
     document = report.to_json()
-    simulated = {"run": run, "noisy_runs": noisy}
-    results = {name: result for name, result in simulated.items() if result is not None}
+    results = {name: result for name, result in (("run", run), ("noisy_runs", noisy)) if result}
     document |= {name: result.to_json() for name, result in results.items()}
     output.write_json(document)
     if output.prints:
@@ -378,7 +370,7 @@ def plan(
     output.save_plot(planned.plot)
     if output.view is not None:  # the page has the warnings itself
         caption = " ".join(line for line in sentences if not line.startswith("Warning: "))
-        _write_page(report, output.view, caption, run)
+        output.save_page(run or planned, caption=caption, scenery=_scenery(report))
     output.name_written(output.plot, output.view, output.out)
 
 
@@ -386,8 +378,7 @@ def _carry_out(
     planned: KickPlan, output: PlanOutputOptions
 ) -> "tuple[KickPlan, MujocoRun, NoisyRuns | None]":
     """Return a plan, corrected if that is wanted, its run in MuJoCo, and runs with noise."""
-    from kickdyn.simulators.noisy_runs import run_with_noise
-    from kickdyn.simulators.refine_kick import refine_kick
+    from kickdyn.simulators.repeated_runs import refine_kick, run_with_noise
     from kickdyn.simulators.run_in_mujoco import run_in_mujoco
 
     foot = output.foot or "shapes"
@@ -403,14 +394,11 @@ def _carry_out(
     return planned, run, noisy
 
 
-def _write_page(report: PlanReport, file: str, caption: str, run: Any) -> None:
-    from kickdyn.view.page import page
-    from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes
+def _scenery(report: PlanReport) -> list[Any]:
+    """Return the boxes of the wall and the goal of a plan."""
+    from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes  # imports meshcat
 
     plan = report.plan
     foot = plan.path.launch.position - np.array([0.0, 0.0, plan.impact.ball.radius])
     boxes = [] if report.wall is None else wall_boxes(foot, plan.aim.ahead, *astuple(report.wall))
-    boxes += goal_boxes(foot, float(plan.aim.target[0])) if report.goal_mouth else []
-    made_page = page(plan if run is None else run, caption=caption, scenery=boxes)
-    made_page.save(file)
-    warn(made_page.warnings)
+    return boxes + (goal_boxes(foot, float(plan.aim.target[0])) if report.goal_mouth else [])

@@ -2,7 +2,7 @@
 
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -12,7 +12,7 @@ from typing import Any
 import click
 import xarray as xr
 
-from kickdyn.cli.command import Command, warn
+from kickdyn.cli.commands import warn
 from kickdyn.cli.leg_options import SHIPPED, LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
@@ -20,8 +20,8 @@ from kickdyn.cli.option_groups import (
     ContactOptions,
     FootOptions,
     OutputOptions,
+    command,
     option,
-    takes,
 )
 from kickdyn.core import compilation
 from kickdyn.errors import InvalidInput
@@ -36,6 +36,7 @@ from kickdyn.sweeps.store import check_netcdf_name, save_netcdf
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE, Progress, sweep, sweep_chunks
 from kickdyn.sweeps.sweep_kick import Kick
 from kickdyn.sweeps.sweep_report import (
+    ReportLine,
     as_json,
     extreme_lines,
     page_lines,
@@ -49,6 +50,28 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 
 ANNOUNCED_SECONDS = 120.0
 """Processor time of a sweep from which on it is announced [s]."""
+
+
+@dataclass(frozen=True)
+class SweepOptions:
+    """The grid, the impact law, and the postures that are shown."""
+
+    joints: tuple[str, ...] = option(
+        "--joint", multiple=True, metavar="NAME=LOW:HIGH:STEP",
+        help="Range of a joint [deg; m for prismatic joints], or NAME=VALUE for a constant value; "
+        "repeatable. By default, human and testbed have a range of hip, knee and ankle, in steps "
+        "of 5 deg.",
+    )  # fmt: skip
+    law: str = option(
+        "--law", default="newton", show_default=True, type=click.Choice([*LAWS]),
+        help=f"Impact law. A compiled kernel exists for {names_of_laws('has_kernel')}; with the "
+        "others a sweep is about a thousand times slower.",
+    )  # fmt: skip
+    where: str | None = option(
+        "--where", metavar="CONDITION",
+        help="Condition on the postures of table, plot and page, with joints [deg] and variables, "
+        "such as 'knee < 30 and worst_joint_impulse <= 2'.",
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -109,30 +132,14 @@ class StoreOptions:
             )
 
 
-@click.command("posture-sweep", Command)
-@takes(leg=LegOptions)
-@click.option("--joint", "joints", multiple=True, metavar="NAME=LOW:HIGH:STEP",
-              help="Range of a joint [deg; m for prismatic joints], or NAME=VALUE for a constant "
-              "value; repeatable. By default, human and testbed have a range of hip, knee and "
-              "ankle, in steps of 5 deg.")  # fmt: skip
-@takes(foot=FootOptions, contact=ContactOptions, air=AirOptions, ball=BallOptions)
-@click.option("--law", default="newton", show_default=True,
-              type=click.Choice([*LAWS]),
-              help=f"Impact law. A compiled kernel exists for {names_of_laws('has_kernel')}; with "
-              "the others a sweep is about a thousand times slower.")  # fmt: skip
-@click.option("--where", metavar="CONDITION",
-              help="Condition on the postures of table, plot and page, with joints [deg] and "
-              "variables, such as 'knee < 30 and worst_joint_impulse <= 2'.")  # fmt: skip
-@takes(storing=StoreOptions, output=OutputOptions)
+@command("posture-sweep")
 def posture_sweep(
     leg: LegOptions,
-    joints: tuple[str, ...],
+    chosen: SweepOptions,
     foot: FootOptions,
     contact: ContactOptions,
     air: AirOptions,
     ball: BallOptions,
-    law: str,
-    where: str | None,
     storing: StoreOptions,
     output: OutputOptions,
 ) -> None:
@@ -144,10 +151,11 @@ def posture_sweep(
     --joint ankle=0 --speed 2 --out sweep.nc --view kick.html
     """
     storing.check()
+    joints, where = chosen.joints, chosen.where
     output.check(storing.file, inputs=[leg.leg_name])
     kick = Kick(
         speed=foot.speed, attack=foot.angle, restitution=read_restitution(contact.restitution),
-        friction=contact.friction, law=law, ball=ball.load(), air=air.load(),
+        friction=contact.friction, law=chosen.law, ball=ball.load(), air=air.load(),
     )  # fmt: skip
     warn((*kick.ball.warnings, *range_warnings(kick.contact.restitution, kick.speed)))
     robot = leg.load()
@@ -189,25 +197,32 @@ def posture_sweep(
         from kickdyn.sweeps.sweep_report import sweep_figure
 
         output.save_plot(partial(sweep_figure, summary, lines))
-    pages: dict[str, Any] = {}
+    page = None
     if output.view is not None:
-        from kickdyn.view.page import page, page_of_pages
-
-        pages = {
-            line.label: page(
-                impact, fly(impact.ball_after, kick.ball, kick.air), caption=line.explanation
-            )
-            for line in page_lines(robot, grid, kick, summary, lines)
-            if (impact := line.outcome.impact) is not None
-        }
-        if pages:
-            made_page = page_of_pages(pages)
-            made_page.save(output.view)
-            warn(made_page.warnings)
-        else:
+        page = _save_page(output.view, kick, page_lines(robot, grid, kick, summary, lines))
+        if page is None:
             reason = "" if where is None else f" where {where}"
             click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
-    output.name_written(storing.out, output.plot, output.view if pages else None)
+    output.name_written(storing.out, output.plot, page)
+
+
+def _save_page(file: str, kick: Kick, lines: Iterable[ReportLine]) -> str | None:
+    """Write a page with a button for each line that has an impact; return its name, if any has."""
+    from kickdyn.view.page import page, page_of_pages  # imports meshcat
+
+    pages = {
+        line.label: page(
+            impact, fly(impact.ball_after, kick.ball, kick.air), caption=line.explanation
+        )
+        for line in lines
+        if (impact := line.outcome.impact) is not None
+    }
+    if not pages:
+        return None
+    made_page = page_of_pages(pages)
+    made_page.save(file)
+    warn(made_page.warnings)
+    return file
 
 
 @contextmanager

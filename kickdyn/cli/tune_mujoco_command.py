@@ -7,8 +7,8 @@ from typing import Any
 import click
 import numpy as np
 
-from kickdyn.cli.command import Command, busy, print_wrapped
-from kickdyn.cli.option_groups import JsonOptions, option, scene_argument, takes
+from kickdyn.cli.commands import busy, print_wrapped
+from kickdyn.cli.option_groups import JsonOptions, command, option, scene_argument
 from kickdyn.core.files import replacing
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.force_model import CONTACT_TIME
@@ -71,9 +71,8 @@ class MjcfOptions(JsonOptions):
         super().check(None if self.out == "-" else self.out, self.scene_out, *files, inputs=inputs)
 
 
-@click.command("tune-mujoco", Command)
+@command("tune-mujoco")
 @scene_argument
-@takes(mujoco=MujocoOptions, output=MjcfOptions)
 def tune_mujoco(scene_file: str, mujoco: MujocoOptions, output: MjcfOptions) -> None:
     """Find contact parameters with which MuJoCo launches the ball as kickdyn does.
 
@@ -86,10 +85,8 @@ def tune_mujoco(scene_file: str, mujoco: MujocoOptions, output: MjcfOptions) -> 
     scene = load_scene(scene_file)
     compliance = scene.law if isinstance(scene.law, Compliance) else Compliance()
     if scene.law not in ("newton", compliance):
-        raise InvalidInput(
-            f"law is {scene.law!r}: a contact of MuJoCo is tuned for 'newton', or for a "
-            "contact time"
-        )
+        what = "a contact of MuJoCo is tuned for 'newton', or for a contact time"
+        raise InvalidInput(f"law is {scene.law!r}: {what}")
     if compliance.stiffness is not None:
         raise InvalidInput(
             f"stiffness is {compliance.stiffness!r}: a contact of MuJoCo is tuned for a contact "

@@ -101,8 +101,7 @@ def _is_private(folder: Path) -> bool:
     above = {*folder.absolute().parents, *folder.resolve().parents}
     for place in above.difference(Path(__file__).resolve().parents):
         status = place.stat()
-        sticky = status.st_mode & stat.S_ISVTX and status.st_uid in trusted
-        if _is_shared(status) and not sticky:
+        if _is_shared(status) and not (status.st_mode & stat.S_ISVTX and status.st_uid in trusted):
             shared = place
     if shared is not None:
         log.warning(

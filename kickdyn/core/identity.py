@@ -91,17 +91,11 @@ def _of_function(function: types.FunctionType, visited: set[int]) -> Iterator[st
     text = source_text(function)
     yield text
     yield from _texts((function.__defaults__, function.__kwdefaults__), visited)
-    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
-    enclosing = dict(cells)
+    cells = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
     for name in sorted(_names(function.__code__)):
         try:
-            if name in enclosing:
-                value = enclosing[name].cell_contents
-            elif name in function.__globals__:
-                value = function.__globals__[name]
-            else:
-                continue  # a builtin
-        except ValueError:  # the cell is empty
+            value = cells[name].cell_contents if name in cells else function.__globals__[name]
+        except (KeyError, ValueError):  # a builtin; the cell is empty
             continue
         if getattr(builtins, name, None) is not value:
             yield name
@@ -124,14 +118,14 @@ def source_text(function: types.FunctionType) -> str:
         raise missing from None
     line = code.co_firstlineno
     if code.co_name == "<lambda>":
-        around = [node for node in statements if _first_line(node) <= line <= _last_line(node)]
+        around = [
+            node for node in statements if _first_line(node) <= line <= (node.end_lineno or 0)
+        ]
     else:
         around = [
-            node
-            for node in statements
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-            and (node.name, _first_line(node)) == (code.co_name, line)
-        ]
+            node for node in statements
+            if (getattr(node, "name", ""), _first_line(node)) == (code.co_name, line)
+        ]  # fmt: skip
     if not around:
         raise missing
     innermost = max(around, key=lambda node: (_first_line(node), node.col_offset))
@@ -146,10 +140,6 @@ def _statements(text: str) -> tuple[ast.stmt, ...]:
 def _first_line(node: ast.stmt) -> int:
     lines = [line.lineno for line in getattr(node, "decorator_list", [])]
     return int(min([node.lineno, *lines]))
-
-
-def _last_line(node: ast.stmt) -> int:
-    return node.end_lineno or node.lineno
 
 
 def _names(code: types.CodeType) -> set[str]:

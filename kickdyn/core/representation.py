@@ -1,11 +1,18 @@
-"""Representation of results in a terminal and in Jupyter, equality by value, read-only arrays."""
+"""Representation of results in a terminal and in Jupyter, equality by value, read-only arrays.
+
+Tables and text are laid out for the width of the terminal.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from html import escape
-from typing import Any
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 Row = tuple[str, object, str]
 """A line of a representation: name, value, unit."""
@@ -118,3 +125,54 @@ def format_value(value: object) -> str:
         entries = (0.0 if abs(entry) < least else entry for entry in value.tolist())
         return f"({', '.join(format_value(entry) for entry in entries)})"
     return str(value)
+
+
+PIPE_WIDTH = 200
+"""Characters of a line of a table if the output is no terminal."""
+
+PROSE = 80
+"""Most characters of a line of text, however wide the terminal."""
+
+
+def screen_width() -> int:
+    """Return the number of characters in a line of the terminal; `PIPE_WIDTH` if there is none."""
+    from rich.console import Console  # takes a tenth of a second to import
+
+    screen = Console()
+    return screen.width if screen.is_terminal else PIPE_WIDTH
+
+
+def empty_table(title: str) -> "Table":
+    """Return a table without columns yet, its columns close together."""
+    from rich import box
+    from rich.table import Table
+
+    return Table(
+        title=title or None,
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+
+
+def wrapped(line: str, width: int, indent: int = 0, start: str = "") -> str:
+    """Return a line broken between words, all lines but the first indented."""
+    return fill(
+        line,
+        width,
+        initial_indent=start,
+        subsequent_indent=" " * indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def notes(texts: Sequence[str], width: int) -> str:
+    """Return numbered notes, each on lines of its own, broken between words."""
+    lines = (
+        wrapped(text, min(PROSE, width), indent=5, start=f"{number:3}  ")
+        for number, text in enumerate(texts, 1)
+    )
+    return "\n".join(lines)

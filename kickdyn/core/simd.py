@@ -85,21 +85,32 @@ def _spread(builder: Any, value: Any) -> Any:
     return builder.shuffle_vector(single, undefined, zeros)
 
 
-def _define(function: Any, operand: Any, result: Any, generate: Any, count: int = 2) -> None:
-    """Define a function of `count` operands, of which all but one may be scalars."""
-    scalar = types.Float if operand is _batch else types.Boolean
+_NUMBERS, _MASKS = (_Batch, types.Float), (_Mask, types.Boolean)
+"""Classes of operands that are batches or masks, or scalars that are spread."""
 
-    def result_of(*kinds: Any) -> Any:
-        valid = all(kind is operand or isinstance(kind, scalar) for kind in kinds)
-        return result if valid and operand in kinds else None
+
+def _define(
+    function: Any, result: Any, generate: Any, *operands: tuple[Any, ...], free: bool = False
+) -> None:
+    """Define a function of operands of some classes; unless it is free, not all may be scalars."""
+
+    def is_valid(*kinds: type) -> bool:
+        return free or any(issubclass(kind, _Batch | _Mask) for kind in kinds)
+
+    def result_of(*given: Any) -> Any:
+        pairs = zip(given, operands, strict=True)
+        valid = all(isinstance(kind, classes) for kind, classes in pairs)
+        return result if valid and is_valid(*map(type, given)) else None
 
     def lower(context: Any, builder: Any, called: Any, given: Any) -> Any:
         return generate(builder, *(_spread(builder, value) for value in given))
 
-    of_one, of_two = lambda a: result_of(a), lambda a, b: result_of(a, b)
-    type_callable(function)(lambda context: of_one if count == 1 else of_two)
-    for kinds in product((operand, scalar), repeat=count):
-        if operand in kinds:
+    typers: Any = (
+        lambda a: result_of(a), lambda a, b: result_of(a, b), lambda a, b, c: result_of(a, b, c),
+    )  # fmt: skip
+    type_callable(function)(lambda context: typers[len(operands) - 1])
+    for kinds in product(*operands):
+        if is_valid(*kinds):
             lower_builtin(function, *kinds)(lower)
 
 
@@ -130,53 +141,26 @@ for _operators, _instruction in (
     ((max, larger), _extreme(">")),
 ):
     for _operator in _operators:
-        _define(_operator, _batch, _batch, _instruction)
+        _define(_operator, _batch, _instruction, _NUMBERS, _NUMBERS)
 for _operator, _sign in (
     (operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">="),
     (operator.eq, "=="),
 ):  # fmt: skip
-    _define(_operator, _batch, _mask, _compared(_sign))
-_define(operator.neg, _batch, _batch, ir.IRBuilder.fneg, count=1)
+    _define(_operator, _mask, _compared(_sign), _NUMBERS, _NUMBERS)
+_define(operator.neg, _batch, ir.IRBuilder.fneg, _NUMBERS)
 for _function in (math.sqrt, square_root):
-    _define(_function, _batch, _batch, _called("llvm.sqrt"), count=1)
+    _define(_function, _batch, _called("llvm.sqrt"), _NUMBERS)
 for _function in (math.fabs, magnitude):
-    _define(_function, _batch, _batch, _called("llvm.fabs"), count=1)
-_define(operator.and_, _mask, _mask, ir.IRBuilder.and_)
-_define(operator.or_, _mask, _mask, ir.IRBuilder.or_)
+    _define(_function, _batch, _called("llvm.fabs"), _NUMBERS)
+_define(operator.and_, _mask, ir.IRBuilder.and_, _MASKS, _MASKS)
+_define(operator.or_, _mask, ir.IRBuilder.or_, _MASKS, _MASKS)
+_define(spread, _batch, lambda builder, x: x, _NUMBERS, free=True)
+_define(choose, _batch, ir.IRBuilder.select, (_Mask,), _NUMBERS, _NUMBERS)
 
 
 @lower_cast(types.Float, _Batch)  # type: ignore[untyped-decorator]
 def _cast(context: Any, builder: Any, old: Any, new: Any, value: Any) -> Any:
     return _spread(builder, value)
-
-
-@type_callable(spread)
-def _type_of_spread(context: Any) -> Any:
-    return lambda x: _batch if isinstance(x, types.Float | _Batch) else None
-
-
-def _spread_argument(context: Any, builder: Any, called: Any, given: Any) -> Any:
-    return _spread(builder, given[0])
-
-
-for _kind in (_batch, types.Float):
-    lower_builtin(spread, _kind)(_spread_argument)
-
-
-@type_callable(choose)
-def _type_of_choose(context: Any) -> Any:
-    numbers = types.Float | _Batch
-    return lambda mask, a, b: (
-        _batch if mask is _mask and isinstance(a, numbers) and isinstance(b, numbers) else None
-    )
-
-
-def _select(context: Any, builder: Any, called: Any, given: Any) -> Any:
-    return builder.select(*(_spread(builder, value) for value in given))
-
-
-for _kinds in product((_batch, types.Float), repeat=2):
-    lower_builtin(choose, _mask, *_kinds)(_select)
 
 
 @type_callable(batches)

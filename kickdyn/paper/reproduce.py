@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from kickdyn.core.console import empty_table, notes, screen_width
+from kickdyn.core.representation import empty_table, notes, screen_width
 from kickdyn.errors import InvalidInput
 from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, table_2, tables_4_5
 from kickdyn.paper.assumptions import ALTERNATIVES, DEFAULT, Coefficients

@@ -18,7 +18,7 @@ from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.meeting import LandingSlopes, Meeting
 from kickdyn.planning.passes import Pass
 from kickdyn.restitution import describe_restitution
-from kickdyn.scene.pitch import Passage, Score, Wall, check_before, passage_on, score_at
+from kickdyn.scene.scene import Passage, Score, Wall, check_before, passage_on, score_at
 
 SAMPLE_RATE = 100.0
 """Rate of a motion's samples [Hz]."""

@@ -12,10 +12,9 @@ from kickdyn.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Effect:
-    """One physical effect that a scene can have.
+    """A physical effect; `without` returns the scene without it, given the launch.
 
-    `without` returns the scene without it, given the launch; with `in_flight` it changes the flight
-    only, not the launch.
+    With `in_flight` it changes the flight only, not the launch.
     """
 
     name: str
@@ -76,11 +75,7 @@ def _has_force(air: Air) -> bool:
 
 
 EFFECTS = (
-    Effect(
-        "contact time",
-        lambda scene: scene.is_compliant,
-        lambda scene, _: scene.as_instant(),
-    ),
+    Effect("contact time", lambda scene: scene.is_compliant, lambda scene, _: scene.as_instant()),
     Effect(
         "friction",
         lambda scene: scene.contact.friction > 0.0,

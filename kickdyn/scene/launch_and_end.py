@@ -1,7 +1,7 @@
 """The launch of a scene's ball and the end of its path, and how far errors move that end."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -16,9 +16,7 @@ from kickdyn.flight.derivatives import fly_with_launch_slopes
 from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course, follow
-from kickdyn.flight.forces import acceleration_function, time_to_fall
-from kickdyn.flight.ground_motion import bounce
-from kickdyn.ground import Surface
+from kickdyn.flight.forces import acceleration_function
 from kickdyn.impact.collide import Collision, collide, duration, takes_inflated_force
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
@@ -31,12 +29,8 @@ STATUSES_WITH_END = (FlightStatus.LANDED, FlightStatus.AT_PLANE, FlightStatus.AT
 SMALLEST_TOLERANCE = 1e-9
 """Relative tolerance of the integrators of flight and, at tightest, of contact."""
 
-LARGEST_TOLERANCE = 1e-3
-"""Largest relative tolerance of the integrator of the contact."""
-
-WORTHWHILE = 3e-7
-"""Relative tolerance of the contact's integrator below which the tightest one costs less than a
-second attempt would."""
+USUAL_TOLERANCE = 1e-6
+"""Relative tolerance of the integrator of the contact at first; larger ones save no time."""
 
 RELATIVE_DIFFERENCE = 1e-4
 """Step of the differences after a bounce, relative to the speed."""
@@ -53,18 +47,6 @@ of the result."""
 BOUNCE_SAFETY = 2.0
 """Further factor on the error of the velocity after a bounce."""
 
-MEASURED = 4.0
-"""Largest estimate by `end_error` over what is allowed for which a flight may show that the time of
-the contact matters less."""
-
-PARABOLA = 25.0
-"""Error of an end by `end_error` over that of the longest parabola, at most in nine of ten random
-paths that end at rest."""
-
-BLOWN_SHARE = 0.3
-"""Acceleration of a ball at rest by the wind over the deceleration of rolling up to which the wind
-hardly changes how long it rolls."""
-
 VELOCITY_SAFETY, SPIN_SAFETY = 2.0, 8.0
 """Factors on the changes of the launch. In 140 random kicks the launch by `collide` differed by at
 most 0.8 of the estimate in velocity, and 0.7 in spin."""
@@ -78,23 +60,7 @@ class LaunchError(NamedTuple):
     position: float
 
 
-class ContactTimeError(NamedTuple):
-    """By how much a launch may be wrong that neglects the time of the contact.
-
-    Attributes:
-        velocity, spin, position: errors of the launch, as in `LaunchError`.
-        moved: launch of the ball that is struck at the end of the contact.
-        rest: what is not in `VELOCITY_SAFETY` times the change of the launch to `moved`.
-    """
-
-    velocity: float
-    spin: float
-    position: float
-    moved: BallState | None = None
-    rest: LaunchError | None = None
-
-
-UNKNOWN = ContactTimeError(math.inf, math.inf, math.inf)
+UNKNOWN = LaunchError(math.inf, math.inf, math.inf)
 """Error of a launch of which nothing is known."""
 
 
@@ -205,7 +171,7 @@ def _differences(scene: Scene, path: Course) -> EndSlopes:
     return EndSlopes(*slopes)
 
 
-def end_error(scene: Scene, path: Flight | Course, error: LaunchError | ContactTimeError) -> float:
+def end_error(scene: Scene, path: Flight | Course, error: LaunchError) -> float:
     r"""Return the largest displacement of a path's end by an error of its launch, roughly [m].
 
     .. math:: s\left(c\,(\delta x + \delta v\, t + \tfrac12 \delta a\, t^2)
@@ -216,7 +182,6 @@ def end_error(scene: Scene, path: Flight | Course, error: LaunchError | ContactT
     ground or a plane of normal n: an error of the time moves the end along it. Drag lets errors
     decay. In the further flights, of time :math:`t'`, and for the time :math:`t''` on the ground,
     the velocity is wrong by the spin, too, and by the bounces, of which there may be one more.
-    Nothing is flown for it, unlike for `end_slopes`.
     """
     if path.status not in STATUSES_WITH_END or not error.velocity < math.inf:
         return math.inf
@@ -224,18 +189,8 @@ def end_error(scene: Scene, path: Flight | Course, error: LaunchError | ContactT
         return error.position
     flights = path.flights if isinstance(path, Course) else (path,)
     in_air = math.fsum(passage.duration for passage in flights)
-    further = in_air - flights[0].duration, path.duration - in_air
-    return _end_error(scene, flights[0], further, error)
-
-
-def _end_error(
-    scene: Scene,
-    flight: Flight,
-    further: tuple[float, float],
-    error: LaunchError | ContactTimeError,
-) -> float:
-    """Return `end_error` of a first flight, and of further times in the air and on the ground."""
-    time, arrival = float(flight.duration), flight.landing.velocity
+    flight, time = flights[0], float(flights[0].duration)
+    arrival = flight.landing.velocity
     normal_speed = abs(float(_normal_at_end(scene, flight) @ arrival))
     slant = math.hypot(*arrival) / normal_speed if normal_speed > 0.0 else math.inf
     slant = slant if time > 0.0 else 1.0
@@ -243,69 +198,11 @@ def _end_error(
         error.position + (error.velocity + 0.5 * _lift_change(scene, flight, error) * time) * time
     )
     bounced = BOUNCE_SAFETY * (error.velocity + scene.ball.radius * error.spin)
-    return END_SAFETY * float(slant * (displacement + bounced * further[0]) + bounced * further[1])
+    displacement = slant * (displacement + bounced * (in_air - time))
+    return END_SAFETY * float(displacement + bounced * (path.duration - in_air))
 
 
-def first_flight(scene: Scene, launch: BallState) -> Flight:
-    """Return the flight of a scene's ball to its first landing, or to the plane."""
-    return fly(launch, scene.ball, scene.air, scene.ground, SMALLEST_TOLERANCE, plane=scene.plane)
-
-
-def expected_end_error(
-    scene: Scene, flight: Flight, error: LaunchError | ContactTimeError
-) -> float:
-    """Return about the `end_error` of a path that bounces and rolls, from its first flight [m].
-
-    The further times are those in a vacuum, after the first bounce. It is inf where a wind may keep
-    the ball rolling.
-    """
-    if flight.status == FlightStatus.AT_PLANE:
-        return _end_error(scene, flight, (0.0, 0.0), error)
-    surface = scene.ground and scene.ground.surface
-    if flight.status != FlightStatus.LANDED or not isinstance(surface, Surface):
-        return math.inf
-    landing, deceleration = flight.landing, surface.rolling_deceleration
-    if scene.air is not None:
-        height = float(landing.position[2])
-        pushed = acceleration_function(scene.ball, scene.air)(height, *[0.0] * 6)[:2]
-        if math.hypot(*pushed) > BLOWN_SHARE * deceleration:
-            return math.inf
-    after = bounce(landing, scene.ball, surface).velocity
-    fallen = abs(float(landing.velocity[2]))
-    e = min(float(after[2]) / fallen, 0.99) if fallen > 0.0 else 0.0
-    bouncing = 2.0 * float(after[2]) / GRAVITY / (1.0 - e)
-    rolling = math.hypot(*after[:2].tolist()) / deceleration
-    return _end_error(scene, flight, (bouncing, rolling), error)
-
-
-def contact_time_size(
-    scene: Scene,
-    impact: Impact,
-    path: Flight | Course,
-    error: ContactTimeError,
-    allowed: float,
-) -> float:
-    """Return the largest displacement of a path's end by the neglected time of the contact [m].
-
-    It is `end_error`, or less: where that is up to `MEASURED` times what is allowed, the ball that
-    is struck at the end of the contact flies, too. Where it is more, which already decides, the
-    difference of the laws is left out.
-    """
-    largest = allowed if isinstance(path, Course) else MEASURED * allowed
-    size = end_error(scene, path, error)
-    if size <= largest:
-        error = with_law(scene, impact, error)
-        size = end_error(scene, path, error)
-    if not allowed < size <= largest or error.moved is None or error.rest is None:
-        return size
-    other = fly_scene(scene, error.moved)
-    if other.status != path.status:
-        return size
-    apart = math.dist(end_of(other).position, end_of(path).position)
-    return min(size, VELOCITY_SAFETY * apart + end_error(scene, path, error.rest))
-
-
-def _lift_change(scene: Scene, path: Flight, error: LaunchError | ContactTimeError) -> float:
+def _lift_change(scene: Scene, path: Flight, error: LaunchError) -> float:
     """Return by how much the acceleration at the launch changes by the error of its spin [m/s2]."""
     if scene.air is None or scene.air.lift is None or error.spin == 0.0:
         return 0.0
@@ -316,18 +213,6 @@ def _lift_change(scene: Scene, path: Flight, error: LaunchError | ContactTimeErr
     return max(math.dist(acceleration(height, *velocity, *spin)[:3], before) for spin in changed)
 
 
-def least_duration(scene: Scene, launch: BallState) -> float:
-    """Return a time that the path takes at least, roughly: half the flight in a vacuum [s].
-
-    Bounces and rolling make it longer. It is 0 where it is not known.
-    """
-    if scene.ground is None or scene.plane is not None:
-        return 0.0
-    drop = float(launch.position[2]) - scene.ball.radius - scene.ground.height
-    time = 0.5 * float(time_to_fall(float(launch.velocity[2]), drop, GRAVITY))
-    return 8.0 * time if scene.is_followed else time
-
-
 def collision_error(scene: Scene, launch: BallState, tol: float) -> LaunchError:
     """Return by how much a launch is wrong at most that `collide` finds to a tolerance."""
     speed, spin, radius = float(launch.speed), float(np.linalg.norm(launch.spin)), scene.ball.radius
@@ -335,41 +220,16 @@ def collision_error(scene: Scene, launch: BallState, tol: float) -> LaunchError:
     return LaunchError(share * speed, share * max(spin, speed / radius), share * radius)
 
 
-def contact_tolerance(
-    scene: Scene, launch: BallState, end_error_of: Callable[[LaunchError], float], allowed: float
-) -> float:
-    """Return a tolerance of `collide` with which the end is wrong by at most a distance [m].
-
-    The error of the end may fall more slowly than the tolerance, as by a lift that grows with a
-    root of the spin.
-    """
-    tol = LARGEST_TOLERANCE
-    for _ in range(4):
-        error = end_error_of(collision_error(scene, launch, tol))
-        if error <= allowed:
-            break
-        tol = max(tol * allowed / error, SMALLEST_TOLERANCE)
-    return tol if tol > WORTHWHILE else SMALLEST_TOLERANCE
-
-
-def relative_error(launch: BallState) -> float:
-    """Return about the error of an end over the tolerance of `collide`, before any flight [m].
-
-    It is that of a path that bounces and rolls, from the longest parabola with that speed.
-    """
-    return COLLIDE_SAFETY * PARABOLA * 2.0 * float(launch.speed) ** 2 / GRAVITY
-
-
-def contact_time_error(scene: Scene, impact: Impact, limit: float = math.inf) -> ContactTimeError:
+def contact_time_error(scene: Scene, impact: Impact) -> LaunchError:
     """Estimate how far the launch by `collide` is at most from the launch by `strike`.
 
     The leg moves on with the mean of its velocities before and after the impact, its forces of
     inertia included, and the normal of the contact turns with the foot. The ball is struck again at
     the end of the contact and in its middle; the estimate is the largest change, times a safety
-    factor. `with_law` adds the difference of the laws.
+    factor, and the difference of the laws `stronge` and `newton`: a brief contact that sticks tends
+    to the former (see `collide`).
 
-    The error is inf where that of the velocity is above the limit [m/s], which saves time; and, as
-    it is not known, where one of these strikes has no impact; with supports,
+    The error is inf, as it is not known, where one of these strikes has no impact; with supports,
     loops and mimic joints, which a straight motion leaves; with drives of some stiffness or
     friction; with the force of an inflated ball, whose restitution is another one; and where the
     foot may press the ball into the ground or a plane.
@@ -395,49 +255,26 @@ def contact_time_error(scene: Scene, impact: Impact, limit: float = math.inf) ->
             rotated = replace(contact, normal=turn @ contact.normal)
             v = scene.v + fraction * time * acceleration
             launches.append(strike_scene(scene, posture=displaced, v=v, contact=rotated).ball_after)
-            if VELOCITY_SAFETY * math.dist(launches[-1].velocity, launch.velocity) > limit:
-                return UNKNOWN
+        law_launch = strike_scene(scene, law="stronge").ball_after if contact.friction else launch
     except KickdynError:
         return UNKNOWN
-    velocity = max(math.dist(displaced.velocity, launch.velocity) for displaced in launches)
-    spin = max(math.dist(displaced.spin, launch.spin) for displaced in launches)
+
+    def change(of: str, balls: Sequence[BallState]) -> float:
+        return max(math.dist(getattr(ball, of), getattr(launch, of)) for ball in balls)
+
+    velocity, spin = change("velocity", launches), change("spin", launches)
     fastest = max(float(launch.speed), math.hypot(*scene.incoming.velocity))
-    beyond = velocity - math.dist(launches[0].velocity, launch.velocity)  # of the middle
-    remaining = LaunchError(
-        VELOCITY_SAFETY * beyond + GRAVITY * time,
-        (SPIN_SAFETY - VELOCITY_SAFETY) * spin + GRAVITY * time / scene.ball.radius,
+    error = LaunchError(
+        VELOCITY_SAFETY * (velocity + change("velocity", [law_launch])) + GRAVITY * time,
+        SPIN_SAFETY * spin
+        + VELOCITY_SAFETY * change("spin", [law_launch])
+        + GRAVITY * time / scene.ball.radius,
         time * (fastest + velocity),
     )
-    error = ContactTimeError(
-        remaining.velocity + VELOCITY_SAFETY * (velocity - beyond),
-        remaining.spin + VELOCITY_SAFETY * spin,
-        remaining.position,
-        BallState(launch.position, launches[0].velocity, launches[0].spin),
-        remaining,
-    )
     return error if _stays_clear(scene, impact, error) else UNKNOWN
 
 
-def with_law(scene: Scene, impact: Impact, error: ContactTimeError) -> ContactTimeError:
-    """Add the difference of the laws `stronge` and `newton` to the error of a launch.
-
-    A brief contact that sticks tends to `stronge` (see `collide`). Where friction turns the
-    direction of sliding, an impact by `stronge` takes longer to compute than the rest of the error.
-    """
-    if scene.contact.friction == 0.0 or error.rest is None:
-        return error
-    try:
-        launch = strike_scene(scene, law="stronge").ball_after
-    except KickdynError:
-        return UNKNOWN
-    velocity = VELOCITY_SAFETY * math.dist(launch.velocity, impact.ball_after.velocity)
-    spin = VELOCITY_SAFETY * math.dist(launch.spin, impact.ball_after.spin)
-    rest = error.rest._replace(velocity=error.rest.velocity + velocity, spin=error.rest.spin + spin)
-    error = error._replace(velocity=error.velocity + velocity, spin=error.spin + spin, rest=rest)
-    return error if _stays_clear(scene, impact, error) else UNKNOWN
-
-
-def _stays_clear(scene: Scene, impact: Impact, error: ContactTimeError) -> bool:
+def _stays_clear(scene: Scene, impact: Impact, error: LaunchError) -> bool:
     before, after = impact.ball_before, impact.ball_after
     if scene.ground is not None:
         clearance = float(after.position[2]) - scene.ball.radius - scene.ground.height

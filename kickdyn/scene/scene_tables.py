@@ -32,8 +32,7 @@ from kickdyn.robot.foot_surfaces import load_with_surface
 from kickdyn.robot.joint_table import InDegrees
 from kickdyn.robot.leg import Leg, Posture, read_leg
 from kickdyn.robot.urdf_file import shipped_urdf
-from kickdyn.scene.pitch import Wall
-from kickdyn.scene.scene import Compliance
+from kickdyn.scene.scene import Compliance, Wall
 
 MOST_NAMES = 100
 """Most entries of a list of names: each one adds rows to the constraints of the leg."""

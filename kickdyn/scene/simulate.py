@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import accumulate
 from typing import Any
 
@@ -22,44 +22,28 @@ from kickdyn.restitution import describe_restitution
 from kickdyn.robot.standing import is_floating
 from kickdyn.scene.effects import Effect, EffectSize, effects_of
 from kickdyn.scene.launch_and_end import (
-    LARGEST_TOLERANCE,
     SMALLEST_TOLERANCE,
     STATUSES_WITH_END,
+    USUAL_TOLERANCE,
     collide_scene,
     collision_error,
     contact_time_error,
-    contact_time_size,
-    contact_tolerance,
     end_error,
     end_of,
     end_slopes,
-    expected_end_error,
-    first_flight,
     fly_scene,
-    least_duration,
     path_error,
-    relative_error,
     strike_scene,
 )
-from kickdyn.scene.pitch import Passage, Score, passage_on, score_at
-from kickdyn.scene.scene import Scene
+from kickdyn.scene.scene import Passage, Scene, Score, passage_on, score_at
 
 CONTACT_SHARE = 0.9
-"""Fraction of the tolerance for a neglected contact time, or else for its integrator; flights are
-far more exact than the rest of it requires."""
+"""Fraction of the tolerance for a neglected contact time, or else for its integrator."""
 
 ROUNDING = 1e-12
 """Smallest tolerance [m]: rounding alone may move an end some metres away that far."""
 
-ERROR_SHARE = 0.5
-"""Fraction of the allowed error for which the tolerance of the contact's integrator is chosen, from
-another launch than the one that it finds."""
-
-_PHRASES: dict[str, str] = {
-    FlightStatus.LANDED: "landed at",
-    FlightStatus.AT_PLANE: "reached the plane at",
-    FlightStatus.AT_REST: "came to rest at",
-}
+_PHRASES = {"landed": "landed at", "at-plane": "reached the plane at", "at-rest": "came to rest at"}
 """By status, how the path of the ball ends."""
 
 
@@ -113,8 +97,7 @@ class Simulation(Printed):
             return math.inf
         error = path_error(scene, path)
         if isinstance(impact, Collision):
-            launch_error = collision_error(scene, self.launch, impact.tol)
-            error += end_error(scene, path, launch_error)
+            error += end_error(scene, path, collision_error(scene, self.launch, impact.tol))
         return error
 
     @property
@@ -173,9 +156,9 @@ class Simulation(Printed):
         These are the effects with the smallest sizes; their sizes add up to at most half of the
         tolerance. All but the contact time are modelled all the same, because that takes no time.
         """
-        finite = {name: size for name, size in self.effect_sizes.items() if math.isfinite(size)}
-        names = sorted(finite, key=lambda name: finite[name])
-        totals = accumulate(finite[name] for name in names)
+        sizes = {name: size for name, size in self.effect_sizes.items() if math.isfinite(size)}
+        names = sorted(sizes, key=sizes.__getitem__)
+        totals = accumulate(sizes[name] for name in names)
         return tuple(names[: sum(total <= 0.5 * (self.tolerance or 0.0) for total in totals)])
 
     @property
@@ -190,12 +173,9 @@ class Simulation(Printed):
     @property
     def evaluations(self) -> int:
         """Number of evaluations of the accelerations in impact and path."""
-        path = self.path
-        phases: list[Any] = [path]
-        if isinstance(path, Course):
-            phases = [*path.flights, *path.ground_phases]
-        if isinstance(self.impact, Collision):
-            phases.append(self.impact)
+        path, phases = self.path, list[Any]()
+        phases += [*path.flights, *path.ground_phases] if isinstance(path, Course) else [path]
+        phases += [self.impact] if isinstance(self.impact, Collision) else []
         return sum(phase.evaluations for phase in phases)
 
     @property
@@ -255,11 +235,8 @@ class Simulation(Printed):
     def summary(self) -> str:
         """The end, its error, the wall, the goal and warnings, one line each."""
         scene, impact, ground = self.scene, self.impact, self.scene.ground
-        error = (
-            f"error {distance_in_words(self.error)}"
-            if math.isfinite(self.error)
-            else "error unknown"
-        )
+        known = math.isfinite(self.error)
+        error = f"error {distance_in_words(self.error) if known else 'unknown'}"
         if self.tolerance is not None:
             met = "within" if self.within_tolerance else "NOT WITHIN"
             error += f", {met} the tolerance of {self.tolerance:g} m"
@@ -294,9 +271,8 @@ class Simulation(Printed):
         if self.numerical_error > 1e-12:
             source = f"{_length_text(self.numerical_error)} m by numerical integration"
         if self.neglected:
-            source = (
-                f"{_length_text(self.model_error)} m by the neglected contact time and {source}"
-            )
+            neglected = f"{_length_text(self.model_error)} m by the neglected contact time"
+            source = f"{neglected} and {source}"
         lines = [self.summary, f"The error is {source} ({self.method})."]
         if times:
             lines.append(f"The answer took {1e3 * self.seconds:.2g} ms.")
@@ -333,8 +309,8 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
 
     The contact time is neglected if it moves the end by less than 0.9 of the tolerance, as
     estimated by strikes of an instantaneous contact where the foot is meanwhile; otherwise the
-    contact is integrated as exactly as the tolerance requires. All other effects are always
-    modelled, and the flight is integrated to a relative tolerance of 1e-9.
+    contact is integrated to a relative tolerance of 1e-6, or 1e-9 if that does not suffice. All
+    other effects are always modelled, and the flight is integrated to 1e-9.
 
     Args:
         scene: the scene of the kick.
@@ -359,8 +335,8 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         tolerance = validation.number("tolerance", tolerance, above=0, unit="m")
         if tolerance < ROUNDING:
             raise InvalidInput(
-                f"tolerance is {tolerance:g} m: that is below rounding; it must be {ROUNDING:g} m "
-                "or more, or None for everything as exact as possible"
+                f"tolerance is {tolerance:g} m, below rounding: it must be {ROUNDING:g} m or more, "
+                "or None for everything as exact as possible"
             )
     answer = _simulate(scene, tolerance)
     return replace(answer, seconds=time.process_time() - began)
@@ -372,55 +348,33 @@ def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
     instant = strike_scene(scene)
     if tolerance is None or not scene.is_compliant:
         return _with_path(scene, tolerance, instant)
-    allowed, launch = CONTACT_SHARE * tolerance, instant.ball_after
-    least = least_duration(scene, launch)
-    launch_error = contact_time_error(scene, instant, allowed / least if least else math.inf)
-    may_neglect = launch_error.velocity < math.inf
-    tol = SMALLEST_TOLERANCE
-    with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
-        if scene.is_followed:
-            # a path that bounces and rolls costs as much as a contact: it is not followed in vain
-            flight = first_flight(scene, launch)
-            expected = partial(expected_end_error, scene, flight)
-            tol = contact_tolerance(scene, launch, expected, 0.1 * allowed)
-            tol = min(max(tol, 0.1 * allowed / relative_error(launch)), LARGEST_TOLERANCE)
-            if may_neglect:
-                may_neglect = expected(launch_error) <= allowed
-        if may_neglect or not scene.is_followed:
-            answer = _with_path(scene, tolerance, instant)
-            end_error_of = partial(end_error, scene, answer.path)
-            if may_neglect:
-                size = contact_time_size(scene, instant, answer.path, launch_error, allowed)
-                # where the path ends at once, the launch with contact time may well fly
-                if size <= allowed and answer.path.duration > 0.0:
-                    return replace(answer, model_error=size)
-            tol = contact_tolerance(scene, launch, end_error_of, ERROR_SHARE * allowed)
-    return _collide_to(scene, tolerance, tol)
-
-
-def _with_path(scene: Scene, tolerance: float | None, impact: Impact | Collision) -> Simulation:
-    path, spread = fly_scene(scene, impact.ball_after), None
-    if scene.uncertainty:
-        spread = strike_scene(scene).uncertainty(**scene.uncertainty)
-    return Simulation(scene, tolerance, impact, path, spread)
-
-
-def _collide_to(scene: Scene, tolerance: float, tol: float) -> Simulation:
-    """Return a simulation by a contact that takes time, as exact as the end requires [m].
-
-    `tol` is the relative tolerance of the first attempt of the integrator.
-    """
-    allowed = CONTACT_SHARE * tolerance
-    for attempt in range(3):
+    allowed, launch_error = CONTACT_SHARE * tolerance, contact_time_error(scene, instant)
+    if launch_error.velocity < math.inf:
+        with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
+            path = fly_scene(scene, instant.ball_after)
+            size = end_error(scene, path, launch_error)
+            # where the path ends at once, the launch with contact time may well fly
+            if size <= allowed and path.duration > 0.0:
+                return _with_path(scene, tolerance, instant, path, size)
+    for tol in (USUAL_TOLERANCE, SMALLEST_TOLERANCE):
         answer = _with_path(scene, tolerance, collide_scene(scene, tol))
-        end_error_of = partial(end_error, scene, answer.path)
-        error = end_error_of(collision_error(scene, answer.launch, tol))
-        if error <= allowed or tol == SMALLEST_TOLERANCE or math.isinf(error):
+        error = end_error(scene, answer.path, collision_error(scene, answer.launch, tol))
+        if not allowed < error < math.inf:
             break
-        # many attempts cost more than the best
-        tol = contact_tolerance(scene, answer.launch, end_error_of, ERROR_SHARE * allowed)
-        tol = SMALLEST_TOLERANCE if attempt else tol
     return answer
+
+
+def _with_path(
+    scene: Scene,
+    tolerance: float | None,
+    impact: Impact | Collision,
+    path: Flight | Course | None = None,
+    model_error: float = 0.0,
+) -> Simulation:
+    path = path or fly_scene(scene, impact.ball_after)
+    uncertainty = scene.uncertainty
+    spread = strike_scene(scene).uncertainty(**uncertainty) if uncertainty else None
+    return Simulation(scene, tolerance, impact, path, spread, model_error)
 
 
 def simulate_as_instant(scene: Scene) -> Simulation:
@@ -429,17 +383,15 @@ def simulate_as_instant(scene: Scene) -> Simulation:
     Only an instantaneous impact has joint impulses. `model_error` is then the measured distance to
     the end with the contact time; inf if that cannot be computed.
     """
-    answer = simulate(scene.as_instant() if scene.is_compliant else scene, None)
     if not scene.is_compliant:
-        return answer
-    size = math.inf
+        return simulate(scene, None)
+    answer, size = simulate(scene.as_instant(), None), math.inf
     try:
         compliant = simulate(scene, None)
-    except KickdynError as error:
-        note = f"which cannot be computed: {error}"
-    else:
         note = f"with it: {compliant.end_text}"
         size = math.dist(answer.end.position, compliant.end.position) + compliant.numerical_error
+    except KickdynError as error:
+        note = f"which cannot be computed: {error}"
     return replace(answer, scene=scene, model_error=size, note=note)
 
 

@@ -1,11 +1,11 @@
 """A scene whose uncertainties are drawn many times: where the ball ends, and the scatter."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from kickdyn.ball import BallState
@@ -111,7 +111,7 @@ def simulate_many(
     # the draws need no sensitivities, which `simulate` takes for its uncertainty
     linear = not isinstance(scene.law, str) or LAWS[scene.law].differentiate is not None
     nominal = simulate(scene if linear else scene.replace(uncertainty=None), tolerance)
-    source = _Draws.of(scene)
+    source = _Draws(scene)
     values = np.random.default_rng(seed).normal(size=(n, source.size))
     launch, status = source.launches(values)
     model_error = 0.0
@@ -122,101 +122,65 @@ def simulate_many(
     return _flown(nominal, launch, status, model_error)
 
 
-@dataclass(frozen=True, eq=False)
 class _Draws:
-    """A scene and the sources that are drawn from standard normal numbers.
+    """A scene and the sources that are drawn from standard normal numbers, `size` for a draw."""
 
-    Attributes:
-        factors: by source, L with the covariance :math:`L L^T`.
-    """
-
-    scene: Scene
-    factors: dict[str, Array]
-
-    @classmethod
-    def of(cls, scene: Scene) -> "_Draws":
-        nv, factors = scene.leg.nv, {}
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.factors, nv = scene, dict[str, Array](), scene.leg.nv
         for name, value in scene.uncertainty.items():
             size = {"q": nv, "v": nv, "restitution": 1, "friction": 1}.get(name, 3)
             eigenvalues, axes = np.linalg.eigh(source_covariance(name, value, size))
-            factors[name] = axes * np.sqrt(np.maximum(eigenvalues, 0.0))
-        return cls(scene, factors)
-
-    @property
-    def size(self) -> int:
-        """Number of normal numbers of a draw."""
-        return sum(factor.shape[1] for factor in self.factors.values())
+            self.factors[name] = axes * np.sqrt(np.maximum(eigenvalues, 0.0))  # L of L L^T
+        self.size = sum(factor.shape[1] for factor in self.factors.values())
 
     def changes(self, values: Array) -> dict[str, Array]:
         """Return the changes of the sources, each of shape `(n, size)`, for normal numbers."""
-        changes, start = {}, 0
-        for name, factor in self.factors.items():
-            changes[name] = values[:, start : start + factor.shape[1]] @ factor.T
-            start += factor.shape[1]
-        return changes
+        ends = np.cumsum([factor.shape[1] for factor in self.factors.values()])
+        blocks = zip(np.split(values, ends[:-1], axis=1), self.factors.items(), strict=True)
+        return {name: block @ factor.T for block, (name, factor) in blocks}
 
-    def arguments(self, values: Array) -> dict[str, Any]:
-        """Return the arguments of n strikes, with n contacts or one."""
+    def arguments(self, values: Array) -> tuple[Array, Array, ContactRows, Array, Array]:
+        """Return q, v, contacts (n or one), velocity and spin of the ball for n strikes."""
         scene, changes, n = self.scene, self.changes(values), len(values)
-        q = np.tile(scene.q, (n, 1))
-        if "q" in changes:
-            if scene.leg.nq == scene.leg.nv:
-                q = q + changes["q"]
-            else:
-                import pinocchio as pin
-
-                model = scene.leg.workspace.model
-                q = np.array([pin.integrate(model, scene.q, change) for change in changes["q"]])
-        v = scene.v + changes.get("v", np.zeros((n, scene.leg.nv)))
-        if scene.leg.constraints is not None:  # as far as supports and loops allow
-            q = np.array([scene.leg.close_loops(row) for row in q])
-            v = np.array([scene.leg.posture(row).admissible(v[i]) for i, row in enumerate(q)])
+        leg, q = scene.leg, np.tile(scene.q, (n, 1))
+        if "q" in changes and leg.nq == leg.nv:
+            q = q + changes["q"]
+        elif "q" in changes:
+            model = leg.workspace.model
+            q = np.array([pin.integrate(model, scene.q, change) for change in changes["q"]])
+        v = scene.v + changes.get("v", np.zeros((n, leg.nv)))
+        if leg.constraints is not None:  # as far as supports and loops allow
+            q = np.array([leg.close_loops(row) for row in q])
+            v = np.array([leg.posture(row).admissible(v[i]) for i, row in enumerate(q)])
         contact = ContactRows.of([scene.contact])
         if {"restitution", "friction", "normal"} & set(changes):
             contact = _changed(contact, changes)
         still, incoming = np.zeros((n, 3)), scene.incoming
-        return {
-            "q": q,
-            "v": v,
-            "contact": contact,
-            "ball_velocity": incoming.velocity + changes.get("ball_velocity", still),
-            "ball_spin": incoming.spin + changes.get("ball_spin", still),
-        }
+        velocity = incoming.velocity + changes.get("ball_velocity", still)
+        return q, v, contact, velocity, incoming.spin + changes.get("ball_spin", still)
 
-    def launches(self, values: Array) -> tuple[Array, NDArray[np.int8]]:
-        """Return position, velocity and spin of the balls after strikes, `(n, 9)`, and status."""
-        scene = self.scene
-        if isinstance(scene.law, str) and scene.law != "newton":
-            return self._one_by_one(values, lambda scene: strike_scene(scene).ball_after)
-        arguments = self.arguments(values)
-        motion = arguments["ball_velocity"], arguments["ball_spin"]
-        strikes = Strikes(scene.leg, [scene.ball], arguments["contact"], *motion)
-        impacts = strikes.compute(arguments["q"], arguments["v"])
-        columns = impacts.ball_position, impacts.ball_velocity, impacts.ball_spin
-        return np.hstack(columns), impacts.status
+    def launches(self, values: Array, tol: float | None = None) -> tuple[Array, NDArray[np.int8]]:
+        """Return position, velocity and spin of the balls after strikes, `(n, 9)`, and status.
 
-    def collisions(self, values: Array, tol: float) -> Array:
-        """Return position, velocity and spin of the balls after collisions, `(n, 9)`."""
-        return self._one_by_one(values, lambda scene: collide_scene(scene, tol).ball_after)[0]
-
-    def _one_by_one(
-        self, values: Array, after: Callable[[Scene], BallState]
-    ) -> tuple[Array, NDArray[np.int8]]:
-        arguments = self.arguments(values)
+        With a relative tolerance they are those after collisions.
+        """
+        scene, (q, v, contact, velocity, spin) = self.scene, self.arguments(values)
+        if tol is None and (scene.is_compliant or scene.law == "newton"):
+            impacts = Strikes(scene.leg, [scene.ball], contact, velocity, spin).compute(q, v)
+            columns = impacts.ball_position, impacts.ball_velocity, impacts.ball_spin
+            return np.hstack(columns), impacts.status
         launches, status = np.full((len(values), 9), np.nan), np.zeros(len(values), np.int8)
         for i in range(len(values)):
-            contact = arguments["contact"]
             try:
-                drawn = self.scene.replace(
-                    posture=self.scene.leg.posture(arguments["q"][i]), v=arguments["v"][i],
-                    contact=contact[i % len(contact)],
-                    incoming=BallState(velocity=arguments["ball_velocity"][i],
-                                       spin=arguments["ball_spin"][i]),
+                drawn = scene.replace(
+                    posture=scene.leg.posture(q[i]), v=v[i], contact=contact[i % len(contact)],
+                    incoming=BallState(velocity=velocity[i], spin=spin[i]),
                 )  # fmt: skip
-                ball = after(drawn)
+                impact = strike_scene(drawn) if tol is None else collide_scene(drawn, tol)
             except KickdynError:
                 status[i] = StrikeStatus.FAILED.flag
                 continue
+            ball = impact.ball_after
             launches[i] = np.concatenate([ball.position, ball.velocity, ball.spin])
         return launches, status
 
@@ -247,7 +211,7 @@ def _with_contact_time(
     points = np.vstack([np.zeros(d), math.sqrt(3.0) * np.eye(d), -math.sqrt(3.0) * np.eye(d)])
     checks = np.random.default_rng(1).normal(size=(8, d))
     points = np.vstack([points, checks])
-    change = source.collisions(points, tol) - source.launches(points)[0]
+    change = source.launches(points, tol)[0] - source.launches(points)[0]
     if not np.isfinite(change).all():
         raise KickdynError(
             "a collision of draws within two standard deviations has no result: the uncertainty is "
@@ -266,7 +230,6 @@ def _with_contact_time(
 def _flown(
     nominal: Simulation, launch: Array, status: NDArray[np.int8], model_error: float
 ) -> Simulations:
-    """Return the simulations of launches."""
     from kickdyn.flight.batch import fly_many
     from kickdyn.flight.follow_many import follow_many
 

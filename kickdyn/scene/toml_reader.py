@@ -40,7 +40,12 @@ def load_scene(path: str | PathLike[str]) -> Scene:
         file, source = Path(path), str(path)
     except TypeError:
         raise InvalidInput(f"scene path is {path!r}: it must be a str or a Path") from None
-    file = _named(file, source)
+    if file.name == source and not file.suffix and not os.path.lexists(file):
+        scenes = {scene.stem: scene for scene in sorted(shipped("scenes").glob("*.toml"))}
+        if source not in scenes:
+            line = f"is neither a file nor a scene of kickdyn: choose {', '.join(scenes)}"
+            raise SceneError(source, [line])
+        file = scenes[source]
     faults, arguments = _read_tables(read_toml(file, source, SceneError))
     try:
         if not faults:
@@ -49,16 +54,6 @@ def load_scene(path: str | PathLike[str]) -> Scene:
         faults = list(error.faults)
     more = len(faults) - MAX_FAULTS
     raise SceneError(source, faults if more <= 0 else [*faults[:-more], f"and {more} more faults"])
-
-
-def _named(file: Path, source: str) -> Path:
-    if file.name != source or file.suffix or os.path.lexists(file):
-        return file
-    scenes = {scene.stem: scene for scene in sorted(shipped("scenes").glob("*.toml"))}
-    if source not in scenes:
-        line = f"is neither a file nor a scene of kickdyn: choose {', '.join(scenes)}"
-        raise SceneError(source, [line])
-    return scenes[source]
 
 
 def _read_tables(document: dict[str, Any]) -> tuple[list[str], dict[str, Any]]:

@@ -72,13 +72,9 @@ class MujocoIntegrator(StrEnum):
 class KickError(NamedTuple):
     """Largest errors of a kick simulated in MuJoCo, wherever in a time step the contact begins.
 
-    Attributes:
-        change: the difference from the kick that was tuned; empty for that kick.
-        velocity: of the ball, length of the difference relative to its speed, or to the speed of
-            approach along the normal if this is larger.
-        speed: of the ball, relative alike.
-        direction: angle between the ball's velocities [rad].
-        spin: length of the difference [rad/s].
+    Velocity and speed are relative to the speed of the ball, or to the speed of approach along the
+    normal if this is larger; the direction is an angle [rad], the spin the length of a difference
+    [rad/s]. `change` is the difference from the kick that was tuned; empty for that kick.
     """
 
     change: str
@@ -89,13 +85,9 @@ class KickError(NamedTuple):
 
 
 class MujocoGoal(NamedTuple):
-    """An error that a tuned contact should not exceed.
+    """An error of a tuned contact and its limit, relative; of a direction [rad].
 
-    Attributes:
-        name: `speed` and `direction` of the ball in the tuned kick, `speed around` at the other
-            speeds.
-        error: of the tuned contact, relative; of the direction [rad].
-        limit: that is accepted. The contact is chosen by all goals together.
+    `name` is `speed` or `direction` of the ball in the tuned kick, or `speed around` at the others.
     """
 
     name: str
@@ -116,10 +108,7 @@ class MujocoGoal(NamedTuple):
 
 
 class KickCase(NamedTuple):
-    """A kick, the ball that kickdyn computes, and how deep the contact is meanwhile.
-
-    The deflection is the mean over the impulse [m].
-    """
+    """A kick, the ball that kickdyn computes, and the mean deflection over the impulse [m]."""
 
     change: str
     approach: Approach
@@ -133,16 +122,11 @@ class KickCase(NamedTuple):
 
 
 class FittedContact(NamedTuple):
-    """A contact that was fitted.
+    """A contact that was fitted: its errors in the order of the cases, and a mean contact time [s].
 
-    Attributes:
-        score: by which contacts are compared, the smaller one is better: the largest error of a
-            goal over its limit, or 1 if all are met; and the largest of all errors, including the
-            spin, other postures and the contact time.
-        contact: its parameters.
-        errors: in the order of the cases.
-        contact_time: of the simulated kick, a mean [s].
-        kick: the simulation of the first case with this contact.
+    The smaller `score` is better: the largest error of a goal over its limit, or 1 if all are met;
+    and the largest of all errors, including the spin, other postures and the contact time. `kick`
+    is the simulation of the first case.
     """
 
     score: tuple[float, float]
@@ -240,8 +224,7 @@ def find_best(
     kicks = [MujocoKick(case.approach, timestep, plain, integrator, gravity=True) for case in cases]
     fits: list[FittedContact] = []
     for shape in SHAPES:
-        fit = fit_contact(cases, kicks, contact_time, shape, integrator, tolerance)
-        if fit is not None:
+        if fit := fit_contact(cases, kicks, contact_time, shape, integrator, tolerance):
             fits.append(fit)
             if fit.score[1] < SUFFICIENT_SCORE:
                 break
@@ -275,10 +258,8 @@ def fit_contact(
 
     def contact_of(unknowns: Array) -> MujocoContact:
         x = unknowns - 1.0
-        solref = (
-            -_rounded(stiffness * math.exp(x[0])),
-            -_rounded(max(damping + unit * x[1], 0.0)),
-        )
+        push, brake = stiffness * math.exp(x[0]), max(damping + unit * x[1], 0.0)
+        solref = -_rounded(push), -_rounded(brake)
         if not mu:
             return MujocoContact(solref, solimp)
         solreffriction = (-1.0, -_rounded(friction_rate * math.exp(x[3])))

@@ -24,8 +24,7 @@ from kickdyn.plane import Plane
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.robot.mjcf_file import quiet_mujoco
 from kickdyn.robot.standing import StandingRobot, is_floating, sole_edges
-from kickdyn.simulators.disturbance import KickNoise, draw
-from kickdyn.simulators.mujoco_field import MujocoField
+from kickdyn.simulators.mujoco_field import KickNoise, MujocoField, draw
 from kickdyn.simulators.mujoco_kick import load_mujoco
 from kickdyn.simulators.striking_foot import Foot, find_foot, plate
 from kickdyn.simulators.tune_mujoco import MujocoTuning, tune_mujoco
@@ -169,17 +168,15 @@ class MujocoRun(ReprMixin):
 
     def to_json(self) -> dict[str, object]:
         """Return the numbers, for JSON."""
-        hit = self.path is not None
+        of_ball = {
+            "ball_velocity": self.ball_after.velocity.tolist(),
+            "ball_spin": self.ball_after.spin.tolist(),
+            **{name: getattr(self, name)
+               for name in ("speed_error", "direction_error", "miss", "delay")},
+        }  # fmt: skip
         return {
-            "ball_velocity": self.ball_after.velocity.tolist() if hit else None,
-            "ball_spin": self.ball_after.spin.tolist() if hit else None,
-            "speed_error": self.speed_error if hit else None,
-            "direction_error": self.direction_error if hit else None,
-            "miss": self.miss if hit else None,
-            "delay": self.delay if hit else None,
-            "upright": self.upright,
-            "foot": self.foot,
-            "seed": self.seed,
+            **{name: None if self.path is None else value for name, value in of_ball.items()},
+            **{name: getattr(self, name) for name in ("upright", "foot", "seed")},
             "margins": dict(self.margins),
             "warnings": list(self.warnings),
         }
@@ -304,7 +301,7 @@ class _Samples(NamedTuple):
     """What a simulation leaves: a row for each step, and the ball when it has left the foot."""
 
     rows: Sequence[tuple[Array, Array, Array]]  # qpos, qvel, torque of the drives, before each step
-    ground: Sequence[Array]  # results of `MujocoField.sole_load`, in each step
+    ground: Sequence[Array]  # results of `MujocoField.sole_load`
     touched: int | None  # step of the first contact
     ball: BallState | None
 

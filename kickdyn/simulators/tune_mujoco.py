@@ -55,7 +55,6 @@ class MujocoTuning(ReprMixin):
         friction: coefficient of sliding.
         solreffriction: the same two numbers across the normal, where MuJoCo reads only the damping;
             (0, 0) without friction. MuJoCo takes it for a `<pair>` of geoms only.
-        condim: 1 without friction, else 3.
         margin: `margin` of the ball's geom, which is smaller than the ball by as much [m], so that
             friction acts at the surface of the foot; 0 without friction.
         timestep: time step of the simulation [s].
@@ -65,7 +64,6 @@ class MujocoTuning(ReprMixin):
         errors: errors of the tuned kick; at other speeds; earlier and later in the swing; and of
             the tuned kick against the ball of `strike`, an impact without duration.
         tolerance: the largest error of the ball's speed that was asked for, relative.
-        goals: the errors that are judged, and their accepted sizes.
         scene: MJCF model of leg and ball just before they touch.
         ball: the ball.
         ball_position: position of its centre at first contact, shape `(3,)` [m, world frame].
@@ -75,7 +73,6 @@ class MujocoTuning(ReprMixin):
     solimp: tuple[float, float, float, float, float]
     friction: float
     solreffriction: tuple[float, float]
-    condim: int
     margin: float
     timestep: float
     integrator: str
@@ -83,10 +80,19 @@ class MujocoTuning(ReprMixin):
     wanted_contact_time: float
     errors: tuple[KickError, ...]
     tolerance: float
-    goals: tuple[MujocoGoal, ...]
     scene: str
     ball: Ball
     ball_position: Array
+
+    @property
+    def condim(self) -> int:
+        """Directions in which the contact has forces: 1 without friction, else 3."""
+        return self.contact.condim
+
+    @property
+    def goals(self) -> tuple[MujocoGoal, ...]:
+        """The errors that are judged, and their accepted sizes."""
+        return find_goals(self.errors, self.tolerance)
 
     @property
     def within_tolerance(self) -> bool:
@@ -97,25 +103,21 @@ class MujocoTuning(ReprMixin):
     def warnings(self) -> tuple[str, ...]:
         """Lines about the ball, missed goals and the contact time."""
         lines = [*self.ball.warnings]
-        for goal in self.goals:
-            if goal.met:
-                continue
-            error, limit = goal.texts
-            what = "direction" if goal.name == "direction" else "speed"
-            where = ""
-            if goal.name == "speed around":
-                where = f" at {min(SPEEDS):g} to {max(SPEEDS):g} times all velocities"
-            lines.append(
-                f"with a time step of {1e3 * self.timestep:g} ms, the ball's {what} is off by "
-                f"up to {error}{where}, and at most {limit} is accepted: choose a smaller time step"
-            )
+        around = f" at {min(SPEEDS):g} to {max(SPEEDS):g} times all velocities"
+        lines += [
+            f"with a time step of {1e3 * self.timestep:g} ms, the ball's {goal.name.split()[0]} is "
+            f"off by up to {goal.texts[0]}{around * (goal.name == 'speed around')}, and at most "
+            f"{goal.texts[1]} is accepted: choose a smaller time step"
+            for goal in self.goals
+            if not goal.met
+        ]
         names = [error.change for error in self.errors]
-        for factor in SPEEDS:
-            if other_speed(factor) not in names:
-                lines.append(
-                    f"the error at {factor:g} times all velocities is unknown: kd.collide would "
-                    "press the ball in beyond its radius there; a shorter contact time avoids this"
-                )
+        lines += [
+            f"the error at {factor:g} times all velocities is unknown: kd.collide would press the "
+            "ball in beyond its radius there; a shorter contact time avoids this"
+            for factor in SPEEDS
+            if other_speed(factor) not in names
+        ]
         if abs(self.contact_time / self.wanted_contact_time - 1.0) > CONTACT_TIME_TOLERANCE:
             lines.append(
                 f"the contact lasts {1e3 * self.contact_time:.3g} ms instead of the "
@@ -280,14 +282,12 @@ def tune_mujoco(
     best = fitted.contact
     return MujocoTuning(
         **best._asdict(),
-        condim=best.condim,
         timestep=step,
         integrator=chosen.value,
         contact_time=fitted.contact_time,
         wanted_contact_time=duration,
         errors=(*fitted.errors, find_error(against_strike, fitted.kick, best)),
         tolerance=tolerance,
-        goals=find_goals(fitted.errors, tolerance),
         scene=scene(approach, step, best, chosen.value, gravity=True),
         ball=ball,
         ball_position=approach.ball_before.position,

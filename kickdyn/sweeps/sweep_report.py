@@ -11,9 +11,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from kickdyn.contact import Contact
-from kickdyn.core.console import PIPE_WIDTH, PROSE, empty_table, screen_width, wrapped
 from kickdyn.core.files import finite
 from kickdyn.core.plot_style import styled
+from kickdyn.core.representation import PIPE_WIDTH, PROSE, empty_table, screen_width, wrapped
 from kickdyn.core.validation import Array, length
 from kickdyn.impact.strike import strike, strike_by_pinocchio
 from kickdyn.robot.leg import Leg

@@ -1,16 +1,20 @@
-"""The numbers of a kick, as a panel of HTML beside the picture."""
+"""The numbers of a kick, or of several flights, as a panel of HTML beside the picture."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
+from typing import Any
 
 import numpy as np
 
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
+from kickdyn.view import marks
 from kickdyn.view.kick_scene import JOINT_ARROW, LEAST_JOINT_IMPULSE
-from kickdyn.view.marks import ARROW, CURVE
+from kickdyn.view.leg_figure import curve_of
 
 FOLDED_CHARACTERS = 300
 """Number of characters from which the sentences below the table are folded."""
@@ -94,7 +98,7 @@ def _impact_rows(impact: Impact) -> list[Row]:
     if spin < 1e-12 * speed / impact.ball.radius:  # rounding
         spin = 0.0
     rows = [
-        (f"impulse on ball {colour_key(ARROW)}", f"{np.linalg.norm(impact.impulse):.4g} N s"),
+        (f"impulse on ball {colour_key(marks.ARROW)}", f"{np.linalg.norm(impact.impulse):.4g} N s"),
         (f"worst joint {colour_key(JOINT_ARROW)}", f"{size:.4g} N s at {_name(name)}"),
         ("effective mass", f"{impact.effective_mass:.4g} kg"),
         ("foot speed", f"{np.linalg.norm(impact.foot_velocity):.4g} m/s"),
@@ -111,7 +115,7 @@ def _path_rows(path: Flight | Course) -> list[Row]:
     if isinstance(path, Course):
         methods = "; ".join(dict.fromkeys(flight.method for flight in path.flights))
         return [
-            (f"path {colour_key(CURVE)}", f"{path.distance:.4g} m along the ground"),
+            (f"path {colour_key(marks.CURVE)}", f"{path.distance:.4g} m along the ground"),
             ("time", f"{path.duration:.4g} s"),
             ("final speed", f"{float(path.rest.speed):.4g} m/s"),
             ("flight", escape(methods)),
@@ -119,7 +123,79 @@ def _path_rows(path: Flight | Course) -> list[Row]:
     aloft = " (still aloft)" if path.status == "aloft" else ""
     length = "distance" if path.status == "at-plane" else "range"
     return [
-        (f"{length} {colour_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
+        (f"{length} {colour_key(marks.CURVE)}", f"{path.range:.4g} m{aloft}"),
         ("flight time", f"{path.duration:.4g} s"),
         ("flight", escape(path.method)),
     ]
+
+
+COLOURS = (0xE63946, 0x2456D6, 0xF4A300, 0x6A2FB5, 0x0E8F8F, 0x8C5A2B, 0xD81E9B, 0x7FE3F5)
+MOST_FLIGHTS = len(COLOURS)
+"""Flights of one picture."""
+
+MOST_DOTS = 12
+"""About how many measured positions of a flight are drawn."""
+
+DOT_COLOUR = 0x111111
+
+
+def draw_flights(
+    viewer: Any,
+    paths: Mapping[str, Flight | Course],
+    title: str,
+    measured: Mapping[str, Array],
+) -> str:
+    """Draw the curves of up to 8 flights over one lawn, and return their legend as HTML.
+
+    Measured positions, shape `(n, 3)`, are drawn as dots beside the flight they belong to by
+    name.
+
+    Raises:
+        InvalidInput: no flight, or too many.
+    """
+    if not 0 < len(paths) <= MOST_FLIGHTS:
+        raise InvalidInput(f"there are {len(paths)} flights: one page compares 1 to {MOST_FLIGHTS}")
+    curves = [curve_of(path) for path in paths.values()]
+    points = np.vstack(curves)
+    reference = next(iter(paths.values()))
+    start = reference.launch.position
+    radius = (reference.flights[0] if isinstance(reference, Course) else reference).ball.radius
+    distances = np.hypot(*(points - points[0])[:, :2].T)
+    length, forward = distances.max(), marks.level_direction(points[distances.argmax()] - points[0])
+    size = max(float(np.ptp(points, axis=0).max()), radius)
+    foreground = marks.box_corners(
+        np.array([start, start + 0.3 * size * marks.UP_AXIS]), 0.02 * size
+    )
+    camera = marks.camera_for(foreground, marks.box_corners(points, radius), forward)
+    marks.set_stage(viewer, camera, points)
+    rows = []
+    for number, (name, path) in enumerate(paths.items()):
+        curve, colour = curves[number], COLOURS[number]
+        width = 1.5 * camera.curve_width(curve)
+        marks.draw_curve(
+            viewer[f"curve/{number}"], curve, width, np.cross(forward, marks.UP_AXIS), colour
+        )
+        if name in measured:
+            dots = measured[name][:: max(len(measured[name]) // MOST_DOTS, 1)]
+            marks.draw_dots(viewer[f"dots/{number}"], dots, 0.0035 * size, DOT_COLOUR)
+        rows.append((f"{colour_key(colour)} {escape(name)}", _length(path)))
+    marks.draw_ball(viewer["ball"], radius, start)
+    stripe = marks.stripe_width(size)
+    floor = np.array([*start[:2], points[:, 2].min() - radius])
+    marks.draw_ground(viewer["ground"], floor, forward, stripe, 3 * size)
+    marks.draw_distances(viewer["distances"], floor, forward, stripe, length)
+    marks.draw_axes(viewer["axes"], floor, stripe / 2)
+    if measured:
+        rows.append(
+            (f"{colour_key(DOT_COLOUR)} measured", f"about {MOST_DOTS} positions per flight")
+        )
+    origin = "first sample" if measured else "launch"
+    rows.append(("distances, heights", f"from the {origin}"))
+    return panel_of(title, rows)
+
+
+def _length(path: Flight | Course) -> str:
+    """Return distance, height and time of a ball's path, as text."""
+    if isinstance(path, Course):
+        return f"{path.distance:.4g} m along the ground, {path.duration:.3g} s"
+    return f"{path.range:.3g} m, rises {path.height:.3g} m, {path.duration:.3g} s"

@@ -1,19 +1,21 @@
-"""meshcat scenes in memory, the HTML that shows them without a network, and pictures of it.
+"""meshcat scenes in memory, the HTML that shows them without a network, pictures of it, and glTF.
 
 `page.html` has the page's style and script; meshcat's own `static_html` needs its server. A page
 shows one scene at a time; buttons choose among several. A picture is a screenshot by Chromium, for
-which `#picture` at the end of the address hides the slider of the animation.
+which `#picture` at the end of the address hides the slider of the animation. Slides, Blender and
+viewers of 3-D models open animated glTF.
 """
 
 import base64
 import json
+import math
 import os
 import re
 import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from html import escape
 from importlib.resources import files
 from itertools import count
@@ -24,12 +26,21 @@ from typing import Any, NamedTuple
 
 import meshcat
 import meshcat.transformations as tf
+import numpy as np
+import trimesh
 import umsgpack
+from scipy.spatial.transform import Rotation
 
 from kickdyn.core.files import replacing
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
-from kickdyn.view.camera import LEFT, RIGHT, UP
+
+FIELD_OF_VIEW = 44.0
+"""Vertical field of view [deg]."""
+
+UP = math.tan(math.radians(FIELD_OF_VIEW / 2))
+LEFT, RIGHT = 0.76 * UP, 1.6 * UP
+"""Slopes that bound the scene, in a picture of 16 by 9 with a caption at its left."""
 
 TEMPLATE = "page.html"
 """The page, beside this file; `html_document` fills in the names between two `@`."""
@@ -99,12 +110,9 @@ def draw_label(
 
 
 class SceneParts(NamedTuple):
-    """Scenes as a page has them.
+    """Scenes as a page has them: `numbers` of the packed commands, each once, and HTML.
 
-    Attributes:
-        numbers: of the packed commands, each of which a page has once.
-        scenes: of each, the numbers of its commands in order, and `times` of its animation.
-        labels, buttons, panels: HTML.
+    `scenes` has of each the numbers of its commands in order, and `times` of its animation.
     """
 
     numbers: dict[bytes, int]
@@ -120,13 +128,9 @@ def scene_parts(
     known: Mapping[bytes, int] = MappingProxyType({}),
     first_number: int = 0,
 ) -> SceneParts:
-    """Return the parts of a page.
+    """Return the parts of a page of scenes, and a button with a plain name for each of several.
 
-    Args:
-        scenes: that it shows.
-        names: plain text of the buttons that choose a scene, one for each of several.
-        known: numbers of commands that have one.
-        first_number: of the commands that have none.
+    Commands without a `known` number get numbers from `first_number` on.
     """
     numbers: dict[bytes, int] = {}
     next_number = count(first_number)
@@ -155,13 +159,9 @@ def scene_parts(
 def html_document(
     title: str, scenes: Sequence[DrawnScene], names: Sequence[str] = (), *, is_live: bool = False
 ) -> str:
-    """Return a page that shows the first of some scenes.
+    """Return a page that shows the first of some scenes, among which buttons with names choose.
 
-    Args:
-        title: plain text.
-        scenes: that buttons choose among.
-        names: plain text of the buttons, one for each of several scenes.
-        is_live: whether it takes scenes from the server that it comes from (`View`).
+    If it is live, it takes scenes from the server that it comes from (`View`).
     """
     parts = scene_parts(scenes, names)
     values = {
@@ -226,3 +226,155 @@ def save_picture(html: str, path: str | PathLike[str], time: float = 0.0) -> Non
             if b"No usable sandbox" in done.stderr:
                 reason = "it has no sandbox here: install the Debian package chromium-sandbox"
             raise KickdynError(f"{browser} made no picture: {reason}")
+
+
+ROOT = "/meshcat/"
+
+NUMBER_TYPES = {0x16: np.uint32, 0x17: np.float32}
+"""Types of meshcat's packed arrays, by the code of their extension."""
+
+SEGMENTS = 32
+
+Y_UP: Array = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+"""From axes with z up to the axes of glTF, whose y is up."""
+
+Z_TO_Y: Array = np.array([[0.0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+"""A rotation that turns the axis z to y."""
+
+
+TARGETS = {".position": "translation", ".quaternion": "rotation", ".scale": "scale"}
+"""What meshcat's tracks move, by its name in glTF."""
+
+FLOAT = 5126
+"""Type of 32-bit floats in glTF."""
+
+
+def to_glb(recorder: Recorder) -> bytes:
+    """Return the drawing of a recorder as binary glTF, with its animation.
+
+    Bodies, arrows, curves and the ground are meshes with colours, in metres; labels, light and
+    shadows are left out. Each path of the recorder is a node with the path as its name, `/` as `_`.
+    Before the animation plays, the nodes stand as they were drawn.
+    """
+    poses: dict[str, Array] = {}
+    drawn: dict[str, dict[str, Any]] = {}
+    clips: dict[str, dict[str, Any]] = {}
+    for packed in recorder.commands:
+        command = umsgpack.unpackb(packed)
+        path = command.get("path", "").removeprefix(ROOT)
+        match command["type"]:
+            case "set_transform":
+                poses[path] = np.reshape(command["matrix"], (4, 4)).T
+            case "set_object" if command["path"].startswith(ROOT):
+                drawn[path] = command["object"]
+            case "set_animation":
+                clips = {clip["path"]: clip["clip"] for clip in command["animations"]}
+    scene: Any = trimesh.Scene()
+    scene.graph.update("kickdyn", "world", matrix=Y_UP)
+    for path, lowered in drawn.items():
+        mesh = _mesh(lowered)
+        if mesh is None:
+            continue
+        names, parent = path.split("/"), "kickdyn"
+        for depth in range(1, len(names) + 1):
+            upper = "/".join(names[:depth])
+            name = upper.replace("/", "_")
+            scene.graph.update(name, parent, matrix=poses.get(upper, np.eye(4)))
+            parent = name
+        placement = np.reshape(lowered["object"]["matrix"], (4, 4)).T
+        name = f"{parent}_mesh"
+        scene.add_geometry(
+            mesh, node_name=name, geom_name=name, parent_node_name=parent, transform=placement
+        )
+    named = {path.removeprefix(ROOT).replace("/", "_"): clip for path, clip in clips.items()}
+    return bytes(scene.export(file_type="glb", buffer_postprocessor=partial(_animate, named)))
+
+
+def _animate(clips: dict[str, Any], buffers: dict[Any, bytes], tree: dict[str, Any]) -> None:
+    """Add clips of meshcat to a tree of glTF, by the names of nodes, and numbers to its buffers."""
+    channels: list[dict[str, Any]] = []
+    samplers: list[dict[str, Any]] = []
+
+    def accessor(numbers: Array) -> int:
+        array = np.asarray(numbers, dtype="<f4")
+        rows, key = array.reshape(len(array), -1), ("animation", len(buffers))
+        tree["accessors"][key] = {
+            "bufferView": len(buffers), "componentType": FLOAT, "count": len(array),
+            "type": "SCALAR" if array.ndim == 1 else f"VEC{array.shape[1]}",
+            "min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist(),
+        }  # fmt: skip
+        buffers[key] = array.tobytes()
+        return len(tree["accessors"]) - 1
+
+    for number, node in enumerate(tree["nodes"]):
+        clip = clips.get(node.get("name", ""))
+        if clip is None:
+            continue
+        # an animation cannot move a matrix, only its three factors
+        pose = np.reshape(node.pop("matrix", np.eye(4)), (4, 4)).T
+        scale = np.linalg.norm(pose[:3, :3], axis=0)
+        node["translation"], node["scale"] = pose[:3, 3].tolist(), scale.tolist()
+        node["rotation"] = Rotation.from_matrix(pose[:3, :3] / scale).as_quat().tolist()
+        for track in clip["tracks"]:
+            frames, indices = np.unique([key["time"] for key in track["keys"]], return_index=True)
+            values = np.array([track["keys"][k]["value"] for k in indices])
+            target = {"node": number, "path": TARGETS[track["name"]]}
+            channels.append({"sampler": len(samplers), "target": target})
+            samplers.append({"input": accessor(frames / clip["fps"]), "output": accessor(values)})
+    if channels:
+        tree["animations"] = [{"name": "kick", "channels": channels, "samplers": samplers}]
+
+
+def _mesh(lowered: dict[str, Any]) -> Any:
+    """Return the mesh of an object of meshcat; None for a shadow."""
+    (geometry,), (material,) = lowered["geometries"], lowered["materials"]
+    if material["type"] == "ShadowMaterial":
+        return None
+    match geometry["type"]:
+        case "BoxGeometry":
+            mesh = trimesh.creation.box([geometry[name] for name in ("width", "height", "depth")])
+        case "SphereGeometry":
+            mesh = trimesh.creation.uv_sphere(geometry["radius"], count=[SEGMENTS, SEGMENTS])
+        case "CylinderGeometry":
+            half, top, bottom = (
+                0.5 * geometry["height"],
+                geometry["radiusTop"],
+                geometry["radiusBottom"],
+            )
+            profile = [(0.0, -half), (bottom, -half), (top, half), (0.0, half)]
+            mesh = trimesh.creation.revolve(profile, sections=SEGMENTS)  # about z; three.js's is y
+            mesh.apply_transform(Z_TO_Y)
+        case _:
+            mesh = _triangles(geometry["data"])
+    rgb = int(material.get("color", 0xFFFFFF)).to_bytes(3)
+    alpha = round(255 * float(material.get("opacity", 1.0)))
+    if not material.get("vertexColors"):
+        looks: Any = trimesh.visual
+        mesh.visual = looks.TextureVisuals(
+            material=looks.material.PBRMaterial(
+                baseColorFactor=[*rgb, alpha], metallicFactor=0.0, roughnessFactor=0.8,
+                alphaMode="BLEND" if alpha < 255 else "OPAQUE", doubleSided=True,
+            )
+        )  # fmt: skip
+    return mesh
+
+
+def _triangles(data: dict[str, Any]) -> Any:
+    """Return a mesh of triangles; of the ground, the part that is no backdrop."""
+    attributes = {name: _array(packed) for name, packed in data["attributes"].items()}
+    vertices, faces = attributes["position"], _array(data["index"]).reshape(-1, 3)
+    colours = attributes.get("color")
+    if colours is None:
+        return trimesh.Trimesh(vertices, faces, process=False)
+    size = np.abs(vertices).max(axis=1)
+    faces = faces[(size[faces] < 0.5 * size.max()).all(axis=1)]
+    mesh = trimesh.Trimesh(vertices, faces, vertex_colors=colours, process=False)
+    mesh.remove_unreferenced_vertices()
+    return mesh
+
+
+def _array(packed: dict[str, Any]) -> Any:
+    """Return an array as meshcat has packed it, a row for each vertex or face."""
+    extension = packed["array"]
+    numbers = np.frombuffer(extension.data, NUMBER_TYPES[extension.type])
+    return np.asarray(numbers.reshape(-1, packed["itemSize"]))

@@ -21,28 +21,21 @@ from kickdyn.robot.ground_clearance import find_depths, shape_of
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.standing import hold_support
 from kickdyn.view import marks
-from kickdyn.view.camera import (
-    UP_AXIS,
-    Camera,
-    box_corners,
-    camera_for,
-    level_direction,
-    set_stage,
-    stripe_width,
-)
 from kickdyn.view.document import draw_label
-from kickdyn.view.leg_figure import draw_leg, joint_poses
-from kickdyn.view.run_scene import DrawnRun, SimulatedRun, draw_run, draw_run_curve, move_run
+from kickdyn.view.leg_figure import (
+    CURVE_POINTS,
+    DrawnRun,
+    SimulatedRun,
+    curve_of,
+    draw_leg,
+    draw_run,
+    joint_poses,
+    move_leg,
+)
 from kickdyn.view.wall_and_goal import Box, draw_box
 
 LEAST_TEE_HEIGHT = 5e-3
 """Height above the ground from which on a resting ball is drawn on a tee [m]."""
-
-CURVE_RADIUS = 0.0017
-"""Radius of a flight's curve over its distance from the camera: 3 or 4 pixels on a screen."""
-
-CURVE_POINTS = 150
-"""Points of a flight's curve."""
 
 JOINT_ARROW = 0xF28C00
 """Colour of the arrows of joint impulses."""
@@ -134,12 +127,12 @@ def draw_kick(
     pace = kick_pace(impact, duration, None if motion is None else -motion.begin)
     configuration = partial(leg_configuration, impact) if motion is None else motion.q
     postures = [configuration(time) for time in pace.times]
-    curve = path.sample(np.linspace(0.0, path.duration, CURVE_POINTS)).position
+    curve = curve_of(path)
     incoming = np.zeros((0, 3))
     if arrival is not None:
         incoming = arrival.sample(np.linspace(-arrival.wait, 0.0, CURVE_POINTS)).position
-    forward = level_direction(curve[-1] - curve[0])
-    right = np.cross(forward, UP_AXIS)
+    forward = marks.level_direction(curve[-1] - curve[0])
+    right = np.cross(forward, marks.UP_AXIS)
     bottom = float(min(before.position[2], curve[-1, 2])) - ball.radius
     floor = bottom if lies else _ground_height(impact, postures, bottom)
     foot = np.array([*before.position[:2], floor])
@@ -149,38 +142,38 @@ def draw_kick(
     scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
     arrows = impulse_arrows(impact, LEAST_JOINT_IMPULSE * most)
     # The world's axes stand at the right of the flight, behind the ball.
-    axis = stripe_width(1.8 * size)
+    axis = marks.stripe_width(1.8 * size)
     origin = foot + axis * (2.8 * right - 1.8 * forward)
     figure = draw_leg(viewer["leg"], leg, impact.posture.q)
     far = [
         figure,
         *(arrow.start + scale * arrow.impulse[None] for arrow in arrows),
         origin + axis * np.vstack([np.zeros(3), np.eye(3)]),
-        box_corners(np.vstack([curve, incoming]), ball.radius),
+        marks.box_corners(np.vstack([curve, incoming]), ball.radius),
         foot[None],
         *(box.corners() for box in scenery),
     ]
     if motion is not None:
         passed = [pose[:3, 3] for q in postures[::8] for pose in joint_poses(leg, q)[1:]]
         passed += [leg.posture(q).contact_point for q in postures[::8]]
-        far.append(box_corners(np.array(passed), ball.radius))
+        far.append(marks.box_corners(np.array(passed), ball.radius))
     drawn = None
     if run is not None:
         drawn = draw_run(viewer, run, forward, figure)
         foreground = np.vstack([foreground, figure, drawn.corners])
         far += [drawn.corners, drawn.curve]
     points = np.vstack(far)
-    camera = camera_for(foreground, points, forward, behind=bool(scenery) or run is not None)
-    set_stage(viewer, camera, np.vstack([foreground, points]))
+    camera = marks.camera_for(foreground, points, forward, behind=bool(scenery) or run is not None)
+    marks.set_stage(viewer, camera, np.vstack([foreground, points]))
 
     marks.draw_ball(viewer["ball"], ball.radius, before.position)
     text = _draw_tee(viewer, impact, foot, lies=lies)
-    width = partial(_curve_width, camera)
+    width = camera.curve_width
     marks.draw_curve(viewer["curve"], curve, width(curve), right)
-    if drawn is not None and len(drawn.curve):
-        draw_run_curve(viewer, drawn, width(drawn.curve), right)
+    if drawn is not None:
+        drawn.draw_curve(viewer, width(drawn.curve), right)
     if arrival is not None:
-        sideways = np.cross(level_direction(incoming[-1] - incoming[0]), UP_AXIS)
+        sideways = np.cross(marks.level_direction(incoming[-1] - incoming[0]), marks.UP_AXIS)
         marks.draw_curve(viewer["arrival"], incoming, width(incoming), sideways, marks.ARRIVAL)
         met = f"met after {arrival.wait:.3g} s"
         draw_label(viewer["meeting"], met, before.position, f"#{marks.ARRIVAL:06x}")
@@ -188,7 +181,7 @@ def draw_kick(
     for number, box in enumerate(scenery):
         draw_box(viewer[f"scenery/{number}"], box)
     length = float(np.hypot(*(curve[-1] - foot)[:2]))
-    stripe = stripe_width(length + size)
+    stripe = marks.stripe_width(length + size)
     reach = float(np.linalg.norm(curve[-1] - foot)) + 8 * size
     marks.draw_ground(viewer["ground"], foot, forward, stripe, reach)
     marks.draw_axes(viewer["axes"], origin, axis)
@@ -204,7 +197,7 @@ def corners_around(impact: Impact) -> Array:
     """Return corners of boxes around joints and ball, shape `(n, 3)` [m, world frame]."""
     posture = impact.posture
     joints = np.array([pose[:3, 3] for pose in joint_poses(posture.leg, posture.q)[1:]])
-    return box_corners(np.vstack([joints, impact.ball_after.position]), impact.ball.radius)
+    return marks.box_corners(np.vstack([joints, impact.ball_after.position]), impact.ball.radius)
 
 
 def largest_impulse(impact: Impact) -> float:
@@ -218,16 +211,12 @@ def label_end(viewer: Any, path: Flight | Course, curve: Array) -> None:
     draw_label(viewer["end"], f"{distance:.3g} m", curve[-1], f"#{marks.CURVE:06x}")
 
 
-def _curve_width(camera: Camera, curve: Array) -> Array:
-    return CURVE_RADIUS * camera.distance(curve)
-
-
 def _draw_tee(viewer: Any, impact: Impact, foot: Array, *, lies: bool) -> str:
     """Draw a tee under a ball that rests above the ground; return a sentence about the ground."""
     before, radius = impact.ball_before, impact.ball.radius
     lift = float(before.position[2]) - radius - float(foot[2])
     if lift > LEAST_TEE_HEIGHT and not lies and not before.velocity.any():
-        marks.draw_tee(viewer["tee"], foot + lift * UP_AXIS, lift, radius)
+        marks.draw_tee(viewer["tee"], foot + lift * marks.UP_AXIS, lift, radius)
         return f"The ball is on a tee, {lift:.2g} m above the ground."
     if lift < -LEAST_TEE_HEIGHT:
         return f"The ball is {-lift:.2g} m in the ground on which the robot stands."
@@ -327,9 +316,8 @@ def ball_pose(
     Without its path before the impact, the `arrival`, it then moves straight on.
     """
     if time < 0:
-        position = before.position + before.velocity * time
-        if arrival is not None:
-            position = arrival.sample(time).position
+        straight = before.position + before.velocity * time
+        position = straight if arrival is None else arrival.sample(time).position
         return np.asarray(pin.SE3(pin.exp3(before.spin * time), position).homogeneous)
     time = min(time, path.duration)
     if isinstance(path, Course):
@@ -379,15 +367,13 @@ def _animation(
     ):
         with animation.at_frame(viewer, number) as frame:
             frame["ball"].set_transform(pose_at(time))
-            poses = joint_poses(impact.posture.leg, q)
-            for joint, pose in list(enumerate(poses))[1:]:
-                frame[f"leg/{joint}"].set_transform(pose)
+            poses = move_leg(frame, "leg", impact.posture.leg, q)
             for arrow in arrows:
                 if arrow.joint:
                     start = poses[arrow.joint][:3, 3].tolist()
                     frame[arrow.node].set_property("position", "vector3", start)
             if run is not None:
-                move_run(run, frame, float(time))
+                run.move(frame, float(time))
     hit = pace.impact
     for number, scale in ((0, 1e-3), (hit - 1, 1e-3), (hit, 1.0), (pace.end, 1.0)):
         with animation.at_frame(viewer, number) as frame:

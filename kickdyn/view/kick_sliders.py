@@ -26,8 +26,15 @@ START = {"hip": 10.0, "knee": 20.0, "ankle": -5.0}
 MOST_SLIDERS = 8
 """Most joints that get a slider."""
 
-UNITS = {"foot speed": "m/s", "foot direction": "°", "normal": "°", "spin": "rad/s"}
-"""Units beside the names of sliders; joints are in degrees, the others are numbers."""
+RANGES = {
+    "foot speed": (10.0, 1.0, 20.0, 0.5, " [m/s]"),
+    "foot direction": (20.0, -30.0, 80.0, 1.0, " [°]"),
+    "normal": (25.0, -30.0, 80.0, 1.0, " [°]"),
+    "restitution": (0.8, 0.0, 1.0, 0.01, ""),
+    "friction": (0.4, 0.0, 1.0, 0.01, ""),
+    "spin": (0.0, -60.0, 60.0, 1.0, " [rad/s]"),
+}
+"""Value at first, least and largest value, step and unit of sliders; joints are in degrees."""
 
 
 class KickSliders:
@@ -76,23 +83,17 @@ class KickSliders:
             self._leg.display_values(np.where(np.isfinite(ends), ends, side * math.pi))
             for ends, side in ((self._leg.lower, -1), (self._leg.upper, 1))
         )
-        ranges = {name: (START.get(name, 0.0), low[name][0], high[name][0], 1.0) for name in joints}
-        units = dict.fromkeys(joints, "°") | UNITS
-        ranges |= {
-            "foot speed": (10.0, 1.0, 20.0, 0.5),
-            "foot direction": (20.0, -30.0, 80.0, 1.0),
-            "normal": (25.0, -30.0, 80.0, 1.0),
-            "restitution": (0.8, 0.0, 1.0, 0.01),
-            "friction": (0.4, 0.0, 1.0, 0.01),
-            "spin": (0.0, -60.0, 60.0, 1.0),
-        }
+        ranges = {
+            name: (START.get(name, 0.0), low[name][0], high[name][0], 1.0, " [°]")
+            for name in joints
+        } | RANGES
         self.sliders = {
             name: ipywidgets.FloatSlider(
                 min(max(start, least), most), min=least, max=most, step=step,
-                description=f"{name} [{units[name]}]" if name in units else name,
+                description=f"{name}{unit}",
                 style={"description_width": "9em"}, readout_format=".4",
             )
-            for name, (start, least, most, step) in ranges.items()
+            for name, (start, least, most, step, unit) in ranges.items()
         }  # fmt: skip
         self.message = ""
         self.impact, self.path = self._kick()

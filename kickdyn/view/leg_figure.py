@@ -1,22 +1,30 @@
-"""The figure of a leg: the shapes of its file, and sticks between joints without any."""
+"""The figure of a leg: the shapes of its file, and sticks between joints without any.
+
+A kick as a simulator carried it out is drawn beside the planned one.
+"""
 
 from collections.abc import Callable, Iterator
 from functools import cache, partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import meshcat.geometry as shapes
 import meshcat.transformations as tf
 import numpy as np
 import pinocchio as pin
 
+from kickdyn.ball import BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.flight_result import Flight
+from kickdyn.flight.follow import Course
+from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frames_by_name
 from kickdyn.robot.robot_file import PackageFiles, Shape, Triangles, Visual, read_mesh
-from kickdyn.view.camera import box_corners
-from kickdyn.view.marks import UPRIGHT, cylinder_pose
+from kickdyn.view import marks
+from kickdyn.view.document import draw_label
+from kickdyn.view.marks import UP_AXIS, UPRIGHT, box_corners, cylinder_pose
 
 Rgba = tuple[float, ...]
 MeshReader = Callable[[str, tuple[float, ...]], list[Triangles]]
@@ -25,6 +33,15 @@ BODY_COLOUR: Rgba = (0.62, 0.67, 0.73, 1.0)
 JOINT_COLOUR: Rgba = (0.25, 0.27, 0.31, 1.0)
 """Colours of sticks and of bodies without a colour, and of the spheres at joints."""
 
+
+CURVE = 0xF28C00
+"""Colour of the flight of a simulated ball."""
+
+CURVE_POINTS = 150
+"""Points of the curve of a flight."""
+
+SEPARATION = 1.2
+"""Distance of the two robots over the width of one, across the kick."""
 
 PERSON_COLOUR = 0x8A97A6
 PERSON = (
@@ -35,6 +52,11 @@ PERSON = (
     ((0.0, -0.38, 1.15), (-0.1, -0.55, 0.0), 0.1),
 )
 """Cylinders and a sphere of a person above the hip: from, to, radius, over the thigh's length."""
+
+
+def curve_of(path: Flight | Course, count: int = CURVE_POINTS) -> Array:
+    """Return points of a ball's path, evenly in time, shape `(count, 3)` [m, world frame]."""
+    return np.asarray(path.sample(np.linspace(0.0, path.duration, count)).position)
 
 
 class BodyShape(NamedTuple):
@@ -57,6 +79,14 @@ def joint_poses(leg: Leg, q: Array) -> list[Array]:
     model, data = leg.workspace.model, leg.workspace.data
     pin.forwardKinematics(model, data, q)
     return [np.eye(4)] + [data.oMi[joint].homogeneous for joint in range(1, model.njoints)]
+
+
+def move_leg(frame: Any, node: str, leg: Leg, q: Array) -> list[Array]:
+    """Put a leg at a configuration, in a frame of an animation; return the poses of its joints."""
+    poses = joint_poses(leg, q)
+    for joint, pose in list(enumerate(poses))[1:]:
+        frame[f"{node}/{joint}"].set_transform(pose)
+    return poses
 
 
 def draw_leg(viewer: Any, leg: Leg, q: Array) -> Array:
@@ -96,10 +126,8 @@ def _draw_person(viewer: Any, leg: Leg) -> None:
     The hip of such a leg is fixed. The figure has no part in any computation.
     """
     model = leg.workspace.model
-    if not (leg.name or "").startswith("leg_human") or "knee" not in model.names:
-        return
-    hip = model.joints[1]
-    if hip.nq != 1:  # a pelvis that moves
+    is_person = (leg.name or "").startswith("leg_human") and "knee" in model.names
+    if not is_person or model.joints[1].nq != 1:  # a pelvis that moves
         return
     thigh = float(np.linalg.norm(model.jointPlacements[model.getJointId("knee")].translation))
     for number, (start, end, radius) in enumerate(PERSON):
@@ -109,10 +137,10 @@ def _draw_person(viewer: Any, leg: Leg) -> None:
         if start == end:
             node.set_object(shapes.Sphere(radius * thigh), look)
             node.set_transform(tf.translation_matrix(ends[0]))
-            continue
-        length = float(np.linalg.norm(ends[1] - ends[0]))
-        node.set_object(shapes.Cylinder(length, radius * thigh), look)
-        node.set_transform(cylinder_pose(ends[0], ends[1]))
+        else:
+            length = float(np.linalg.norm(ends[1] - ends[0]))
+            node.set_object(shapes.Cylinder(length, radius * thigh), look)
+            node.set_transform(cylinder_pose(ends[0], ends[1]))
 
 
 def leg_shapes(leg: Leg) -> tuple[list[BodyShape], str]:
@@ -211,16 +239,84 @@ def _sticks(leg: Leg, drawn: set[int]) -> Iterator[BodyShape]:
 
 def _corners(shape: Any) -> Array:
     """Return the corners of the box around a shape, along its own axes, `(8, 3)` [m]."""
+    middle = np.zeros(3)
     if isinstance(shape, shapes.TriangularMeshGeometry):
         low, high = np.min(shape.vertices, axis=0), np.max(shape.vertices, axis=0)
+        middle, size = (low + high) / 2, high - low
     elif isinstance(shape, shapes.Cylinder):
-        high = np.array([shape.radiusTop, shape.height / 2, shape.radiusTop])
-        low = -high
+        size = np.array([2 * shape.radiusTop, shape.height, 2 * shape.radiusTop])
     elif isinstance(shape, shapes.Sphere):
-        high = np.asarray(getattr(shape, "radii", np.full(3, shape.radius)))  # of an ellipsoid
-        low = -high
+        size = 2 * np.asarray(getattr(shape, "radii", np.full(3, shape.radius)))  # of an ellipsoid
     else:
-        high = np.asarray(shape.lengths) / 2
-        low = -high
-    corners = box_corners(np.zeros((1, 3)), 0.5) * (high - low)
-    return np.asarray((low + high) / 2 + corners)
+        size = np.asarray(shape.lengths)
+    return np.asarray(middle + box_corners(np.zeros((1, 3)), 0.5) * size)
+
+
+@runtime_checkable
+class SimulatedRun(Protocol):
+    """A planned motion that a simulator carried out, with the attributes of `MujocoRun`."""
+
+    plan: KickPlan
+    t: Array
+    q: Array
+    ball_position: Array
+    ball_after: BallState
+    path: Flight | Course | None
+    summary: str
+
+
+class DrawnRun(NamedTuple):
+    """A simulated robot and its ball under the node `run` of the viewer, displaced by an offset.
+
+    Attributes:
+        run: that is drawn.
+        offset: of the node, shape `(3,)` [m].
+        corners: of boxes around the robot's shapes, shape `(n, 3)` [m, world frame].
+        curve: points of the ball's path, shape `(n, 3)` [m, world frame]; none for a missed ball.
+    """
+
+    run: SimulatedRun
+    offset: Array
+    corners: Array
+    curve: Array
+
+    def draw_curve(self, viewer: Any, width: Array, right: Array) -> None:
+        """Draw the path of the ball, with half widths of its points, `(n,)` [m]."""
+        if len(self.curve):
+            curve = self.curve - self.offset
+            marks.draw_curve(viewer["run/curve"], curve, width, right, CURVE)
+
+    def move(self, frame: Any, time: float) -> None:
+        """Put robot and ball where they are at a time [s], in a frame of an animation."""
+        run, released = self.run, float(self.run.ball_after.time)
+        if run.path is None or time < released:
+            columns = run.ball_position.T
+            position = np.array([np.interp(time, run.t, column) for column in columns])
+        else:
+            position = run.path.sample(min(time - released, run.path.duration)).position
+        frame["run/ball"].set_transform(tf.translation_matrix(position))
+        q = run.q[np.clip(np.searchsorted(run.t, time), 0, len(run.t) - 1)]
+        move_leg(frame, "run/leg", run.plan.impact.posture.leg, np.asarray(q))
+
+
+def draw_run(viewer: Any, run: SimulatedRun, forward: Array, planned: Array) -> DrawnRun:
+    """Draw robot and ball of a run to the right of the planned robot, and both of their names.
+
+    `forward` is the horizontal direction of the kick, shape `(3,)`; `planned` are corners of boxes
+    around the planned robot, shape `(n, 3)` [m].
+    """
+    right, impact = np.cross(forward, UP_AXIS), run.plan.impact
+    offset = max(SEPARATION * float(np.ptp(planned @ right)), 8 * impact.ball.radius) * right
+    node, leg = viewer["run"], impact.posture.leg
+    node.set_transform(tf.translation_matrix(offset))
+    corners = draw_leg(node["leg"], leg, run.q[0])
+    marks.draw_ball(node["ball"], impact.ball.radius, run.ball_position[0])
+    for parent, name, boxes, colour in (
+        (node, "simulated", corners, CURVE),
+        (viewer["planned"], "planned", planned, marks.CURVE),
+    ):
+        height = boxes[:, 2].max() + 0.08 * np.ptp(boxes[:, 2])
+        point = np.array([*boxes[:, :2].mean(axis=0), height])
+        draw_label(parent["name"], name, point, f"#{colour:06x}")
+    curve = np.zeros((0, 3)) if run.path is None else curve_of(run.path)
+    return DrawnRun(run, offset, corners + offset, curve + offset)

@@ -32,14 +32,10 @@ from kickdyn.robot.leg import Leg, Posture
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.view import marks
-from kickdyn.view.camera import box_corners, camera_for, set_stage, stripe_width
-from kickdyn.view.caption import kick_panel, panel_of
-from kickdyn.view.comparison import draw_flights
-from kickdyn.view.document import DrawnScene, html_document, recording_viewer, save_picture
-from kickdyn.view.gltf import to_glb
+from kickdyn.view.caption import draw_flights, kick_panel, panel_of
+from kickdyn.view.document import DrawnScene, html_document, recording_viewer, save_picture, to_glb
 from kickdyn.view.kick_scene import RATE, Pace, draw_kick
-from kickdyn.view.leg_figure import draw_leg, joint_poses
-from kickdyn.view.run_scene import SimulatedRun
+from kickdyn.view.leg_figure import SimulatedRun, draw_leg, joint_poses, move_leg
 from kickdyn.view.wall_and_goal import Box, plane_boxes, wall_boxes
 
 FRAME_HEIGHT = 600
@@ -113,13 +109,9 @@ class Page:
         if is_picture:
             save_picture(self.html, file, at)
             return
-        if ending == ".glb":
-            content = to_glb(self.viewer.window)
-            with replacing(file) as draft:
-                draft.write_bytes(content)
-            return
+        content = to_glb(self.viewer.window) if ending == ".glb" else self.html.encode()
         with replacing(file) as draft:
-            draft.write_text(self.html, encoding="utf-8")
+            draft.write_bytes(content)
 
     def __repr__(self) -> str:
         """Return the title, for where HTML cannot be shown."""
@@ -186,8 +178,11 @@ def page(
     pace, ground = draw_kick(
         viewer, impact, kick.path, boxes, kick.motion, arrival=kick.arrival, lies=kick.lies, run=run
     )
-    text = f"{kick.caption.removesuffix('.')}. {ground}" if kick.caption and ground else ""
-    text = text or kick.caption or ground
+    text = (
+        ". ".join(filter(None, [kick.caption.removesuffix("."), ground]))
+        if ground
+        else kick.caption
+    )
     brief = [line.partition("; ")[0] for line in kick.warnings]
     warnings = list(dict.fromkeys([*viewer.window.warnings, *brief]))
     panel = kick_panel(impact, kick.path, text, warnings)
@@ -368,8 +363,7 @@ def draw_motion(viewer: Any, motion: Motion | RecordedMotion, text: str) -> tupl
     animation = Animation(default_framerate=RATE)
     for number, q in enumerate(postures):
         with animation.at_frame(viewer, number) as frame:
-            for joint, pose in list(enumerate(joint_poses(leg, q)))[1:]:
-                frame[f"leg/{joint}"].set_transform(pose)
+            move_leg(frame, "leg", leg, q)
     viewer.set_animation(animation, repetitions=math.inf)
     return panel_of(leg.name or "leg", rows, text, warnings=motion.warnings), pace
 
@@ -381,11 +375,11 @@ def _draw(viewer: Any, leg: Leg, configurations: Sequence[Array]) -> None:
         [pose[:3, 3] for pose in joint_poses(leg, q)[1:]] for q in configurations[::8]
     ])  # fmt: skip
     size = float(np.linalg.norm(np.ptp(corners, axis=0)))
-    points = np.vstack([corners, box_corners(joints, 0.05 * size)])
+    points = np.vstack([corners, marks.box_corners(joints, 0.05 * size)])
     forward = np.array([1.0, 0.0, 0.0])
-    set_stage(viewer, camera_for(points, points, forward), points)
+    marks.set_stage(viewer, marks.camera_for(points, points, forward), points)
     lowest = min(leg.posture(q).contact_point[2] for q in configurations[::8])
     foot = np.array([*points.mean(axis=0)[:2], min(corners[:, 2].min(), lowest)])
-    stripe = stripe_width(size)
+    stripe = marks.stripe_width(size)
     marks.draw_ground(viewer["ground"], foot, forward, stripe, 6 * size)
     marks.draw_axes(viewer["axes"], foot + 0.5 * size * np.array([-1.0, -1.0, 0.0]), stripe)

@@ -31,18 +31,9 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.leg import Posture
 from kickdyn.view import marks
-from kickdyn.view.camera import (
-    UP_AXIS,
-    box_corners,
-    camera_for,
-    level_direction,
-    set_stage,
-    stripe_width,
-)
 from kickdyn.view.caption import kick_panel
 from kickdyn.view.document import html_document, recording_viewer, scene_parts
 from kickdyn.view.kick_scene import (
-    CURVE_RADIUS,
     LEAST_JOINT_IMPULSE,
     corners_around,
     draw_impulses,
@@ -50,7 +41,7 @@ from kickdyn.view.kick_scene import (
     label_end,
     largest_impulse,
 )
-from kickdyn.view.leg_figure import draw_leg, joint_poses
+from kickdyn.view.leg_figure import curve_of, draw_leg, joint_poses
 from kickdyn.view.page import FRAME_HEIGHT, Page, page
 
 CURVE_POINTS = 60
@@ -80,10 +71,7 @@ class StillKick:
     within a few milliseconds: leg, ball, arrows, flight and ground move, and the rest of the scene
     stays in the browser.
 
-    Attributes:
-        leg: the leg that is drawn.
-        page: the first kick.
-        arrow_nodes: nodes of the arrows that are drawn now.
+    `page` has the first kick of the leg, `arrow_nodes` are nodes of the arrows that are drawn now.
     """
 
     def __init__(
@@ -98,23 +86,19 @@ class StillKick:
         self._scale = 0.45 * self._size / most if most > 0 else 0.0
         radii = impulse_ellipsoid(impact.posture)[0]
         self._per_root = ELLIPSOID_SHARE * self._size / max(float(radii.max()), 1e-9)
-        curve = _curve(path)
-        self._forward = level_direction(curve[-1] - curve[0])
+        curve = curve_of(path, CURVE_POINTS)
+        self._forward = marks.level_direction(curve[-1] - curve[0])
         longer = curve[0] + LONGEST_SHARE * (curve - curve[0])  # so that other flights are seen
-        far = np.vstack([corners, box_corners(longer, ball.radius)])
-        self._camera = camera_for(foreground, far, self._forward)
-        set_stage(viewer, self._camera, np.vstack([foreground, curve]))
+        far = np.vstack([corners, marks.box_corners(longer, ball.radius)])
+        self._camera = marks.camera_for(foreground, far, self._forward)
+        marks.set_stage(viewer, self._camera, np.vstack([foreground, curve]))
         foot = self._ground(impact)
         length = float(np.hypot(*(curve[-1] - foot)[:2]))
-        stripe = stripe_width(length + self._size)
-        marks.draw_ground(
-            viewer["ground"], foot, self._forward, stripe, 3 * length + 8 * self._size
-        )
+        stripe = marks.stripe_width(length + self._size)
+        reach = 3 * length + 8 * self._size
+        marks.draw_ground(viewer["ground"], foot, self._forward, stripe, reach)
         marks.draw_ball(viewer["ball"], ball.radius, impact.ball_before.position)
-        look = shapes.MeshBasicMaterial(
-            color=ELLIPSOID, opacity=0.3, transparent=True, depthTest=False
-        )
-        viewer["ellipsoid"].set_object(shapes.Sphere(1.0), look)
+        viewer["ellipsoid"].set_object(shapes.Sphere(1.0), marks.overlay(ELLIPSOID, opacity=0.3))
         self.arrow_nodes: set[str] = set()
         self.page = Page(viewer, leg.name or "leg", self._draw(viewer, impact, path, caption))
 
@@ -144,9 +128,9 @@ class StillKick:
         pose[:3, :3] = axes * np.maximum(self._per_root * radii, 1e-3 * self._size)
         pose[:3, 3] = impact.posture.contact_point
         viewer["ellipsoid"].set_transform(pose)
-        curve = _curve(path)
-        width = CURVE_RADIUS * self._camera.distance(curve)
-        marks.draw_curve(viewer["curve"], curve, width, np.cross(self._forward, UP_AXIS))
+        curve = curve_of(path, CURVE_POINTS)
+        width = self._camera.curve_width(curve)
+        marks.draw_curve(viewer["curve"], curve, width, np.cross(self._forward, marks.UP_AXIS))
         arrows = impulse_arrows(impact, LEAST_JOINT_IMPULSE * largest_impulse(impact))
         draw_impulses(viewer, arrows, self._scale)
         for node in self.arrow_nodes - {arrow.node for arrow in arrows}:
@@ -171,10 +155,6 @@ def impulse_ellipsoid(posture: Posture) -> tuple[Array, Array]:
     moves = inverse_masses > 1e-9 * inverse_masses.max()
     radii = np.where(moves, 1.0 / np.sqrt(np.where(moves, inverse_masses, 1.0)), 0.0)
     return radii, axes
-
-
-def _curve(path: Flight | Course) -> Array:
-    return np.asarray(path.sample(np.linspace(0.0, path.duration, CURVE_POINTS)).position)
 
 
 def _flown(impact: Impact, path: Flight | Course | None) -> Flight | Course:

@@ -10,8 +10,8 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.plane import Plane
-from kickdyn.scene.pitch import FRAME, MOUTH
-from kickdyn.view.camera import UP_AXIS, box_corners
+from kickdyn.scene.scene import FRAME, MOUTH
+from kickdyn.view.marks import UP_AXIS, box_corners
 
 WALL, WHITE = 0x34506E, 0xF7F7F7
 

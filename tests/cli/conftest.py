@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import pytest
 
-from kickdyn.cli.command import run
-from kickdyn.cli.commands import kickdyn_command
+from kickdyn.cli.commands import kickdyn_command, run
 
 ROOT = Path(__file__).resolve().parents[2]
 

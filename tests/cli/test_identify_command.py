@@ -34,7 +34,7 @@ def test_the_fits_are_those_of_the_library_and_of_the_track(
 ):
     """The table shows the numbers of the document, the plot the longest flight, the page all."""
     drawn, pages = [], []
-    page = SimpleNamespace(save=lambda file: None)
+    page = SimpleNamespace(save=lambda file: None, warnings=())
     monkeypatch.setattr("kickdyn.view.page.page", lambda shown: pages.append(shown) or page)
     monkeypatch.setattr(Identification, "plot", lambda fit: drawn.append(fit) or Figure())
     text = kickdyn("identify two.csv --json two.json --plot two.png --view two.html").out

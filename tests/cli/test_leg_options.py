@@ -2,7 +2,6 @@
 
 import math
 
-import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -10,7 +9,7 @@ from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.cli.leg_options import LEGS, LegOptions, load_leg
-from kickdyn.cli.option_groups import takes
+from kickdyn.cli.option_groups import command
 from kickdyn.robot.catalog import ROBOTS
 from kickdyn.robot.urdf_file import shipped_urdf
 
@@ -23,12 +22,11 @@ def loaded(*words):
     """Return the leg of a command line, and what it writes to standard error."""
     legs = []
 
-    @click.command()
-    @takes(leg=LegOptions)
-    def command(leg: LegOptions) -> None:
+    @command("load")
+    def load(leg: LegOptions) -> None:
         legs.append(leg.load())
 
-    result = CliRunner().invoke(command, words, catch_exceptions=False)
+    result = CliRunner().invoke(load, words, catch_exceptions=False)
     return legs[0], result.stderr
 
 
@@ -82,26 +80,17 @@ def test_loops_close_what_a_file_cuts_open():
     assert f"--loop {loop}" in loaded("--leg", FOURBAR)[1]
 
 
-def test_a_robot_on_a_support_has_both_legs_and_a_floating_base():
-    leg, warnings = loaded(*BOLT, "--support", "FL_FOOT:0.6")
+@pytest.mark.parametrize("by", ["words", "file", "friction alone"])
+def test_a_robot_on_a_support_has_both_legs_and_a_floating_base(by, tmp_path):
+    file, corners = tmp_path / "left.toml", "/".join(",".join(map(str, c)) for c in CORNERS)
+    file.write_text(f"frame = 'FL_FOOT'\nfriction = 0.7\nsole = {CORNERS}")
+    word = {"words": f"FL_FOOT:0.7:{corners}", "file": str(file)}.get(by, "FL_FOOT:0.7")
+    leg, warnings = loaded(*BOLT, "--support", word)
     (support,) = leg.supports
-    assert (support.frame, support.friction, support.sole) == ("FL_FOOT", 0.6, None)
-    assert warnings == "".join(f"warning: {line}\n" for line in leg.warnings)
-    assert leg.joint_names[0] == "root_joint"
-    assert leg.nv == 6 + 2 * 3
-
-
-@pytest.mark.parametrize("by", ["words", "file"])
-def test_a_support_has_a_sole(by, tmp_path):
-    corners = "/".join(",".join(map(str, corner)) for corner in CORNERS)
-    word = f"FL_FOOT:0.7:{corners}"
-    if by == "file":
-        word = str(tmp_path / "left.toml")
-        text = f"frame = 'FL_FOOT'\nfriction = 0.7\nsole = {CORNERS}"
-        (tmp_path / "left.toml").write_text(text)
-    (support,) = loaded(*BOLT, "--support", word)[0].supports
     assert (support.frame, support.friction) == ("FL_FOOT", 0.7)
-    assert support.sole.tolist() == CORNERS
+    assert support.sole is None if by == "friction alone" else support.sole.tolist() == CORNERS
+    assert warnings == "".join(f"warning: {line}\n" for line in leg.warnings)
+    assert (leg.joint_names[0], leg.nv) == ("root_joint", 6 + 2 * 3)
 
 
 def test_a_name_is_one_of_kickdyn_a_robot_or_a_file(tmp_path):

@@ -82,14 +82,6 @@ def test_a_fault_is_one_line_with_the_value_and_what_is_valid(
     assert set(tmp_path.iterdir()) == before
 
 
-def test_every_fault_of_a_scene_has_a_line(kickdyn, written):
-    written("bad.toml", "[leg]\nmodle = 'human'\n")
-    lines = kickdyn("tradeoff --scene bad.toml", code=2).err.splitlines()
-    assert len(lines) > 1
-    assert all(line.startswith("kickdyn: bad.toml: ") for line in lines)
-    assert any("modle" in line and "model" in line for line in lines)
-
-
 @pytest.mark.parametrize("name", ["carry", "status", "a/b", "."])
 def test_a_joint_whose_name_a_dataset_cannot_hold_is_refused(name, kickdyn, written):
     written("mine.urdf", kd.Leg.human().file.text.replace('"hip"', f'"{name}"'))

@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from extremes.extreme_case import Correctness, ExtremeCase
 from extremes.extreme_flights import flight_cases
 from extremes.extreme_impacts import impact_cases
-from kickdyn.cli.command import run
+from kickdyn.cli.commands import run
 from kickdyn.core.files import check_outputs
 from kickdyn.core.plot_style import check_name, save_figure, styled
 

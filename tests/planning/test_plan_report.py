@@ -13,7 +13,7 @@ from tolerances import agrees, optimized
 import kickdyn as kd
 from kickdyn.planning import plan_report as module
 from kickdyn.planning.plan_report import PlanReport, describe_passage, score, verdict
-from kickdyn.scene.pitch import Wall
+from kickdyn.scene.scene import Wall
 
 LEG, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
 

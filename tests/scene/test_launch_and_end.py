@@ -36,10 +36,6 @@ def struck(seed, count, **parts):
     return pairs
 
 
-def size(array):
-    return float(np.linalg.norm(array))
-
-
 def test_the_error_of_a_contact_time_is_unknown_with_constraints_or_soft_drives():
     (scene, hit), drive = struck(3, 1, contact_time=0.01)[0], kd.Drive(0.01, 1.0, stiffness=30.0)
     for leg in (scene.leg.with_stiff_joints("ankle"), scene.leg.with_drives({"ankle": drive})):
@@ -85,7 +81,7 @@ def test_the_deviation_of_an_end_adds_those_of_velocity_and_spin():
     by_velocity, by_spin = np.random.default_rng(2).normal(size=(2, 3, 3))
     v, w = np.array([0.3, -0.2, 0.1]), np.array([4.0, 1.0, -2.0])
     launch = SimpleNamespace(velocity=np.outer(v, v), spin=np.outer(w, w))
-    right = size(by_velocity @ v) + size(by_spin @ w)
+    right = np.linalg.norm(by_velocity @ v) + np.linalg.norm(by_spin @ w)
     slopes = module.EndSlopes(by_velocity, by_spin)
     assert slopes.deviation(launch) == pytest.approx(right, rel=closed_form(100))
     unknown = module.EndSlopes(np.full((3, 3), math.inf), np.full((3, 3), math.inf))
@@ -119,13 +115,11 @@ def test_the_error_of_a_path_is_about_its_distance_from_an_exact_one(surface, to
 def test_in_a_vacuum_the_error_of_an_end_is_that_of_the_parabola():
     scene, change = scene_of(ground=LEVEL), 1e-6
     path, v = module.fly_scene(scene, LAUNCH), LAUNCH.velocity
-    slant = size(v) / v[2]  # it arrives as steeply as it started
+    slant = np.linalg.norm(v) / v[2]  # it arrives as steeply as it started
     right = module.END_SAFETY * slant * (0.02 + change * 2 * v[2] / GRAVITY)
     error = module.end_error(scene, path, module.LaunchError(change, 0, 0.02))
     assert error == pytest.approx(right)
     assert module.end_error(scene, path, module.LaunchError(math.inf, 0.0, 0.0)) == math.inf
-    assert module.least_duration(scene, LAUNCH) == pytest.approx(v[2] / GRAVITY)  # half of it
-    assert module.least_duration(scene_of(air=WIND), LAUNCH) == 0.0
 
 
 def test_an_error_of_the_spin_moves_the_end_by_half_the_change_of_lift_times_the_time_squared():
@@ -135,7 +129,7 @@ def test_an_error_of_the_spin_moves_the_end_by_half_the_change_of_lift_times_the
     lifts = [acceleration(1.0, *LAUNCH.velocity, *(LAUNCH.spin + dw))[:3]
              for dw in (np.zeros(3), *(change * np.eye(3)))]  # fmt: skip
     lift = np.linalg.norm(np.subtract(lifts[1:], lifts[0]), axis=1).max()
-    slant = size(path.landing.velocity) / abs(path.landing.velocity[2])
+    slant = np.linalg.norm(path.landing.velocity) / abs(path.landing.velocity[2])
     right = module.END_SAFETY * slant * 0.5 * lift * path.duration**2
     error = module.end_error(scene, path, module.LaunchError(0.0, change, 0.0))
     assert error == pytest.approx(right, rel=closed_form(1e6))
@@ -143,29 +137,13 @@ def test_an_error_of_the_spin_moves_the_end_by_half_the_change_of_lift_times_the
 
 def test_the_error_of_an_end_after_bounces_is_that_of_the_first_flight_and_of_what_lasts():
     """Velocities after a bounce are wrong by the spin, too, in the air and on the ground."""
-    scene, error = (
-        scene_of(ground=replace(LEVEL, surface="turf")),
-        module.LaunchError(0.1, 2.0, 0.0),
-    )
+    scene = scene_of(ground=replace(LEVEL, surface="turf"))
+    error = module.LaunchError(0.1, 2.0, 0.0)
     course = module.fly_scene(scene, LAUNCH)
-    first, slant = course.flights[0], size(LAUNCH.velocity) / LAUNCH.velocity[2]
+    first, slant = course.flights[0], np.linalg.norm(LAUNCH.velocity) / LAUNCH.velocity[2]
     bounced = 0.1 * first.duration * slant
     in_air = sum(flight.duration for flight in course.flights)
     later = slant * (in_air - first.duration) + course.duration - in_air
     right = bounced + module.BOUNCE_SAFETY * (0.1 + scene.ball.radius * 2.0) * later
     found = module.end_error(scene, course, error)
     assert found == pytest.approx(module.END_SAFETY * right, rel=integrated(1e-8))
-
-
-@pytest.mark.parametrize("surface", ["turf", "carpet"])
-def test_the_error_of_a_path_that_bounces_is_known_roughly_from_its_first_flight(surface):
-    scene = scene_of(ground=replace(LEVEL, surface=surface))
-    for velocity in (LAUNCH.velocity, (1, 0, 8)):  # which rolls long, and which bounces long
-        launch, error = kd.BallState((0, 0, 1), velocity), module.LaunchError(0.0, 0.1, 0.0)
-        flight = module.first_flight(scene, launch)
-        right = module.end_error(scene, module.fly_scene(scene, launch), error)
-        expected = module.expected_end_error(scene, flight, error)
-        assert expected == pytest.approx(right, rel=0.05)
-    windy = scene_of(air=kd.Air(wind=(20, 0, 0)), ground=replace(LEVEL, surface="hard-floor"))
-    flight = module.first_flight(windy, LAUNCH)
-    assert module.expected_end_error(windy, flight, error) == math.inf

@@ -152,9 +152,7 @@ def test_an_instantaneous_view_has_the_measured_error_of_the_contact_time():
     assert instant.neglected == ("contact time",)
     assert whole.end_text in instant.note
     assert gap(instant, kd.simulate(scene.as_instant(), None)) == 0.0
-    plain = kd.load_scene("paper_kick")
-    assert simulate_as_instant(plain).neglected == ()
-    assert gap(simulate_as_instant(plain), kd.simulate(plain, None)) == 0.0
+    assert simulate_as_instant(kd.load_scene("paper_kick")).neglected == ()
 
 
 @pytest.mark.parametrize("ball", [kd.Ball(), kd.Ball(0.1, 0.2)], ids=["football", "beach ball"])

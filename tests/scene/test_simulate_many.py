@@ -16,13 +16,14 @@ SPREAD = {
 
 def drawn_scenes(scene, n, seed):
     """Return the scenes that the random numbers of a seed stand for."""
-    draws = _Draws.of(scene)
-    given = draws.arguments(np.random.default_rng(seed).normal(size=(n, draws.size)))
+    draws = _Draws(scene)
+    numbers = np.random.default_rng(seed).normal(size=(n, draws.size))
+    q, v, contact, velocity, spin = draws.arguments(numbers)
     return [
         scene.replace(
-            posture=scene.leg.posture(given["q"][i]), v=given["v"][i], uncertainty=None,
-            contact=given["contact"][i % len(given["contact"])],
-            incoming=kd.BallState(velocity=given["ball_velocity"][i], spin=given["ball_spin"][i]),
+            posture=scene.leg.posture(q[i]), v=v[i], uncertainty=None,
+            contact=contact[i % len(contact)],
+            incoming=kd.BallState(velocity=velocity[i], spin=spin[i]),
         )
         for i in range(n)
     ]  # fmt: skip
@@ -71,12 +72,12 @@ def test_the_change_by_the_contact_time_is_quadratic_through_the_nodes():
     """A quadratic function without mixed terms is exact at 0 and at both nodes of each axis."""
     law = Compliance(contact_time=0.008)
     scene = kd.load_scene("free_kick").replace(law=law, uncertainty={"v": 0.2})
-    draws, node, tol = _Draws.of(scene), np.sqrt(3), 1e-5
+    draws, node, tol = _Draws(scene), np.sqrt(3), 1e-5
     values = np.array([[0, 0, 0], [node, 0, 0], [0, node, 0], [0, 0, -node], [0.4, -0.9, 0.7]])
     instant = draws.launches(values)[0][:, 3:]
     launch, error = _with_contact_time(draws, values, draws.launches(values)[0], tol)
-    given = draws.arguments(values)
-    hits = [collide_scene(scene.replace(v=v), tol).ball_after for v in given["v"]]
+    v = draws.arguments(values)[1]
+    hits = [collide_scene(scene.replace(v=row), tol).ball_after for row in v]
     right = np.array([[*hit.velocity, *hit.spin] for hit in hits])
     agrees(launch[:4, 3:], right[:4], closed_form(10))
     agrees(launch[4, 3:] - instant[4], right[4] - instant[4], 0.01)
@@ -91,9 +92,9 @@ def test_the_change_by_the_contact_time_is_quadratic_through_the_nodes():
 def test_sources_are_drawn_independently_with_their_deviations():
     spread = SPREAD | {"restitution": 0.5, "friction": 0.5}
     scene = kd.load_scene("free_kick").replace(uncertainty=spread)
-    draws, nv = _Draws.of(scene), scene.leg.nv
+    draws, nv = _Draws(scene), scene.leg.nv
     values = np.random.default_rng(1).normal(size=(2000, draws.size))
-    changes, given = draws.changes(values), draws.arguments(values)
+    changes, (q, v, contact, velocity, spin) = draws.changes(values), draws.arguments(values)
     for name, change in changes.items():
         count = {"q": nv, "v": nv, "restitution": 1, "friction": 1}.get(name, 3)
         assert change.shape == (2000, count)
@@ -101,13 +102,14 @@ def test_sources_are_drawn_independently_with_their_deviations():
         assert change.mean(axis=0) == pytest.approx(0.0, abs=spread[name] * sampled(2000))
     correlation = np.corrcoef(np.hstack([*changes.values()]), rowvar=False)
     assert np.abs(correlation - np.eye(draws.size)).max() < sampled(2000)
-    contact, plain = given["contact"], scene.contact
+    plain = scene.contact
     for name, most in (("restitution", 1.0), ("friction", np.inf)):
         right = np.clip(getattr(plain, name) + changes[name][:, 0], 0.0, most)
         agrees(getattr(contact, name), right, closed_form())
     normal = plain.normal + changes["normal"]
     agrees(contact.normal, normal / np.linalg.norm(normal, axis=1)[:, None], closed_form())
-    before = {"q": scene.q, "v": scene.v}
-    before |= {"ball_velocity": scene.incoming.velocity, "ball_spin": scene.incoming.spin}
-    for name, value in before.items():
-        agrees(given[name], value + changes[name], closed_form())
+    incoming = scene.incoming
+    before = {"q": (q, scene.q), "v": (v, scene.v)}
+    before |= {"ball_velocity": (velocity, incoming.velocity), "ball_spin": (spin, incoming.spin)}
+    for name, (drawn, value) in before.items():
+        agrees(drawn, value + changes[name], closed_form())

@@ -141,9 +141,8 @@ def test_a_contact_that_takes_time_is_collide(read, contact, options):
     scene = read(("restitution = 0.8", contact), more=more)
     answer = kd.simulate(scene, None)
     ball = kd.Ball(pressure=80e3, shell_share=0.97)
-    right = kd.collide(
-        scene.posture, scene.v, ball, scene.contact, tol=answer.impact.tol, **options
-    )
+    kick = scene.posture, scene.v, ball, scene.contact
+    right = kd.collide(*kick, tol=answer.impact.tol, **options)
     assert answer.impact.impulse.tolist() == right.impulse.tolist()
     assert answer.impact.force_model == right.force_model
 

@@ -17,11 +17,10 @@ from kickdyn.motion.motion import Motion
 from kickdyn.planning.kick import turn_plan
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.standing import StandingRobot
-from kickdyn.simulators import refine_kick as refinement
+from kickdyn.simulators import repeated_runs as refinement
 from kickdyn.simulators import run_in_mujoco as module
-from kickdyn.simulators.disturbance import Disturbance, draw
-from kickdyn.simulators.mujoco_field import MujocoField
-from kickdyn.simulators.noisy_runs import NoisyRuns
+from kickdyn.simulators.mujoco_field import Disturbance, MujocoField, draw
+from kickdyn.simulators.repeated_runs import NoisyRuns
 
 pytest.importorskip("mujoco")
 

@@ -138,20 +138,13 @@ def own_launch(plan, tuning, points):
     spec.compiler.discardvisual = True
     pose = place()
     spec.add_mesh(name="wedge", uservert=(points @ pose[:3, :3].T + pose[:3, 3]).ravel())
-    spec.body("foot").add_geom(
-        name="wedge", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="wedge", mass=0.0
-    )
+    kinds, size = mujoco.mjtGeom, [ball.radius - tuning.margin, 0, 0]
+    spec.body("foot").add_geom(name="wedge", type=kinds.mjGEOM_MESH, meshname="wedge", mass=0.0)
     body = spec.worldbody.add_body(name="ball", pos=impact.ball_before.position)
     body.add_freejoint()
-    body.add_geom(
-        name="ball", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[ball.radius - tuning.margin, 0, 0]
-    )
-    body.ipos, body.explicitinertial, body.mass, body.inertia = (
-        np.zeros(3),
-        True,
-        ball.mass,
-        [ball.inertia] * 3,
-    )
+    body.add_geom(name="ball", type=kinds.mjGEOM_SPHERE, size=size)
+    body.ipos, body.explicitinertial = np.zeros(3), True
+    body.mass, body.inertia = ball.mass, [ball.inertia] * 3
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 0
     spec.add_pair(
@@ -206,13 +199,11 @@ def test_an_own_model_of_the_foot_gives_the_same_launch(struck):
 def test_the_motion_goes_on_to_its_impact_where_the_ball_leaves_before(struck):
     """A ball 35 cm nearer to the foot than planned."""
     plan = by_hand()
-    approach = plan.impact.approach
-    ball = approach.ball_before
+    approach, ball = plan.impact.approach, plan.impact.approach.ball_before
     nearer = replace(ball, position=ball.position - 0.35 * plan.aim.ahead)
     impact = replace(plan.impact, approach=approach._replace(ball_before=nearer))
-    run = kd.run_in_mujoco(
-        wearing([box()], plan=replace(plan, impact=impact)), tuning=struck.tuning
-    )
+    worn = wearing([box()], plan=replace(plan, impact=impact))
+    run = kd.run_in_mujoco(worn, tuning=struck.tuning)
     assert run.ball_after.time < -0.01
     later = (run.t > run.ball_after.time) & (run.t < 0.0)
     for t, q in zip(run.t[later], run.q[later], strict=True):

@@ -119,7 +119,7 @@ def test_the_ball_of_the_snippet_is_that_of_the_tuning(tuned):
     assert (geom.condim[0], model.opt.timestep) == (1, 0.002)
     assert model.body("ball").mass[0] == ball.mass
     assert model.body("ball").inertia == pytest.approx([ball.inertia] * 3)
-    rough = replace(tuned, friction=0.4, condim=3, margin=0.007, solreffriction=(-1.0, -55.0))
+    rough = replace(tuned, friction=0.4, margin=0.007, solreffriction=(-1.0, -55.0))
     text = rough.mjcf().replace("<worldbody>", '<worldbody><geom name="foot" size="1"/>')
     model = mujoco.MjModel.from_xml_string(text)
     sizes = [model.geom(name).size[0] for name in ("ball", "ball_surface")]

@@ -1,15 +1,50 @@
-"""What a recorded motion does to a ball, and the limits that it breaks (`kickdyn check-motion`)."""
+"""What is in a file, and what a recorded motion does (`kickdyn check`, `kickdyn check-motion`)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import click
 
-from kickdyn.cli.command import Command, busy, print_wrapped, warn
+from kickdyn.cli.check_file import check as check_file
+from kickdyn.cli.commands import busy
 from kickdyn.cli.leg_options import LegOptions
-from kickdyn.cli.option_groups import BallOptions, OutputOptions, PointOptions, option, takes
-from kickdyn.motion.check_motion import check_motion as check
+from kickdyn.cli.option_groups import (
+    BallOptions,
+    JsonOptions,
+    OutputOptions,
+    PointOptions,
+    command,
+    option,
+)
+from kickdyn.errors import InvalidInput, shortened
+from kickdyn.motion.check_motion import check_motion as check_recorded
 from kickdyn.motion.read_motion import BREADTH_FIRST, OF_MODEL, read_motion
 from kickdyn.motion.recorded_motion import WINDOW
+
+
+@command("check")
+@click.argument("file", metavar="FILE", type=click.Path())
+@click.option("--package-dir", "package_dirs", multiple=True, metavar="DIR",
+              type=click.Path(exists=True, file_okay=False),
+              help="ROS package with meshes of a robot, or a folder that contains it; "
+              "repeatable.")  # fmt: skip
+def check(file: str, package_dirs: tuple[str, ...], output: JsonOptions) -> None:
+    """Say what kickdyn sees in a file, what is wrong with it, and what to run next.
+
+    FILE is a robot (.urdf, .xml, .mjcf), markers (.c3d, .trc), joint angles (.mot, .sto), the track
+    of a ball (.csv) or a scene (.toml). The exit code is 2 if the file has problems.
+
+    Example: kickdyn check my_robot.urdf --package-dir meshes
+    """
+    output.check(inputs=[file])
+    found = check_file(file, package_dirs)
+    output.write_json(found.to_json())
+    if output.prints and found.rows:
+        output.print_rows(replace(found, problems=(), commands=()))
+        for command in found.commands:
+            click.echo(f"next: {command}")  # in one line, to be copied
+    output.name_written()
+    if found.problems:
+        raise InvalidInput(*(f"{shortened(file)}: {line}" for line in found.problems))
 
 
 @dataclass(frozen=True)
@@ -50,10 +85,8 @@ class RecordingOptions:
     )  # fmt: skip
 
 
-@click.command("check-motion", Command)
+@command("check-motion")
 @click.argument("file", metavar="FILE", type=click.Path())
-@takes(leg=LegOptions, recording=RecordingOptions, contact=PointOptions, ball=BallOptions,
-       output=OutputOptions)  # fmt: skip
 def check_motion(
     file: str,
     leg: LegOptions,
@@ -79,19 +112,12 @@ def check_motion(
             window=recording.window, quaternion=recording.quaternion,
         )  # fmt: skip
         show("striking balls")
-        found = check(
+        found = check_recorded(
             motion, robot, struck, contact.contact(), ground=recording.ground,
             ground_friction=recording.ground_friction,
         )  # fmt: skip
     output.write_json(found.to_json())
-    if output.prints:
-        for result in (motion, found):
-            print_wrapped("\n".join(repr(result).splitlines()[1:]))
+    output.print_rows(motion, found)
     output.save_plot(found.plot)
-    if output.view is not None:
-        from kickdyn.view.page import page
-
-        made_page = page(motion)
-        made_page.save(output.view)
-        warn(made_page.warnings)
+    output.save_page(motion)
     output.name_written(output.plot, output.view)

@@ -1,8 +1,11 @@
-"""Motions of a robot for a range of launches, and single kicks of them (`kickdyn kick-library`)."""
+"""Launches over ranges: the largest in each direction, and motions for all of them.
+
+The commands are `kickdyn reach` and `kickdyn kick-library`.
+"""
 
 import math
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 from time import perf_counter
@@ -11,14 +14,84 @@ from typing import Any
 import click
 import numpy as np
 
-from kickdyn.cli.command import Command, busy, print_wrapped
+from kickdyn.cli.commands import busy, print_wrapped, warn
 from kickdyn.cli.leg_options import LegOptions
-from kickdyn.cli.option_groups import BallOptions, JsonOptions, PointOptions, option, takes
+from kickdyn.cli.option_groups import (
+    AirOptions,
+    BallOptions,
+    JsonOptions,
+    PlotOptions,
+    PointOptions,
+    command,
+    option,
+)
+from kickdyn.cli.plan_command import height_of_ball
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.motion_file import check_motion_name
 from kickdyn.planning.kick_library import KickLibrary, LibraryKick
 from kickdyn.planning.kick_library import kick_library as make_library
 from kickdyn.planning.kick_reader import AXES
+from kickdyn.planning.reach import ELEVATIONS
+from kickdyn.planning.reach import reach as find_reach
+
+
+@dataclass(frozen=True)
+class ReachOptions(PlotOptions):
+    """The directions, the limits that count, and where the table is kept."""
+
+    azimuths: tuple[float, ...] = option(
+        "--azimuth", multiple=True, type=float,
+        help="Direction to the left of x [deg]; repeat it for several.  [default: 0]",
+    )  # fmt: skip
+    elevations: tuple[float, ...] = option(
+        "--elevation", multiple=True, type=float,
+        help="Direction above the horizontal [deg]; repeat it for several.  "
+        f"[default: {', '.join(f'{angle:g}' for angle in ELEVATIONS)}]",
+    )  # fmt: skip
+    motion: bool = option(
+        "--motion", is_flag=True,
+        help="Plan whole motions, within all of their limits: minutes for each direction of a "
+        "robot. By default, only the limits at the impact apply.",
+    )  # fmt: skip
+    tolerance: float = option(
+        "--tolerance", type=float, default=0.05, show_default=True,
+        help="Relative accuracy of the speed.",
+    )  # fmt: skip
+    out: str | None = option(
+        "--out", metavar="FILE.csv",
+        help="Keep the table in a file: each row is written when it is computed, and the same "
+        "command continues after an interruption.",
+    )  # fmt: skip
+
+
+@command("reach")
+def reach(
+    leg: LegOptions,
+    contact: PointOptions,
+    air: AirOptions,
+    ball: BallOptions,
+    output: ReachOptions,
+) -> None:
+    """Find the largest launch in each direction, and how far it goes on carpet and turf.
+
+    Example: kickdyn reach --leg g1 --support left_ankle_roll_link:0.7 --out g1.csv
+    """
+    output.check(inputs=[leg.leg_name])
+    robot, struck = leg.load(), ball.load()
+    with busy("planning kicks") as show:
+        table = find_reach(
+            robot, struck, air.load(), azimuths=output.azimuths or (0.0,),
+            elevations=output.elevations or ELEVATIONS, contact=contact.contact(),
+            ball_position=height_of_ball(robot, struck, contact.offset), motion=output.motion,
+            tolerance=output.tolerance, file=output.out, progress=show,
+        )  # fmt: skip
+    warn(table.warnings)
+    output.write_json(table.to_json())
+    if output.prints:
+        limits = "whole motions" if table.motion else "the impact alone: upper bounds"
+        print_wrapped("\n".join([f"{table.robot}, limits of {limits}", *table.table()]))
+    output.save_plot(table.plot)
+    output.name_written(output.plot, output.out)
 
 
 @dataclass(frozen=True)
@@ -71,7 +144,7 @@ class RangeOptions:
 
 
 @dataclass(frozen=True)
-class KickOptions(JsonOptions):
+class LibraryKickOptions(JsonOptions):
     """A single kick of the library, and the file of its motion."""
 
     kick: str | None = option(
@@ -85,17 +158,15 @@ class KickOptions(JsonOptions):
     )  # fmt: skip
 
 
-@click.command("kick-library", Command)
+@command("kick-library")
 @click.argument("file", metavar="FILE.npz", type=click.Path())
-@takes(leg=LegOptions, ranges=RangeOptions, contact=PointOptions, ball=BallOptions,
-       output=KickOptions)  # fmt: skip
 def kick_library(
     file: str,
     leg: LegOptions,
     ranges: RangeOptions,
     contact: PointOptions,
     ball: BallOptions,
-    output: KickOptions,
+    output: LibraryKickOptions,
 ) -> None:
     """Plan the motions of a robot for a range of launches, from which any kick follows at once.
 
@@ -126,10 +197,7 @@ def kick_library(
     output.write_json((library if chosen is None else chosen).to_json())
     if chosen is not None and not chosen.met:
         raise InvalidInput(f"there is no kick: {chosen.reason}")
-    if output.prints:
-        for result in (library, chosen):
-            if result is not None:
-                print_wrapped("\n".join(repr(result).splitlines()[1:]))
+    output.print_rows(*filter(None, (library, chosen)))
     if output.out is not None and chosen is not None and chosen.motion is not None:
         chosen.motion.save(output.out)
         if output.prints:
@@ -139,10 +207,9 @@ def kick_library(
 
 def _numbers(name: str, text: str, counts: tuple[int, ...], form: str) -> list[float]:
     """Return the numbers between commas, of which there must be one of some counts."""
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
+    values = list[float]()
+    with suppress(ValueError):
+        values = [float(word) for word in text.split(",")]
     if len(values) not in counts:
         raise InvalidInput(f"{name} is {text!r}: it must be {form}")
     return values

@@ -1,0 +1,276 @@
+"""The commands for scene files: `kickdyn simulate`, `view` and `tradeoff`."""
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import click
+import numpy as np
+
+from kickdyn.cli.commands import busy, check_page_name, print_wrapped, warn
+from kickdyn.cli.option_groups import JsonOptions, PlotOptions, command, scene_argument
+from kickdyn.core import validation
+from kickdyn.core.files import finite
+from kickdyn.core.plot_style import styled
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.impact_result import Impact
+from kickdyn.scene.effects import EffectSize
+from kickdyn.scene.simulate import Simulation, measure_effects, simulate_as_instant
+from kickdyn.scene.simulate import simulate as simulate_scene
+from kickdyn.scene.toml_reader import load_scene
+
+
+@command("simulate")
+@scene_argument
+@click.option("--tolerance", default=0.05, show_default=True,
+              help="Largest error of the ball's final position [m].")  # fmt: skip
+@click.option("--exact", is_flag=True, help="Model all effects, whatever the tolerance.")
+def simulate(scene_file: str, tolerance: float, exact: bool, output: JsonOptions) -> None:
+    """Simulate a scene file to a tolerance, and print its error budget.
+
+    SCENE is a TOML file, or the name of one that comes with kickdyn: free_kick, paper_kick,
+    pass_to_runner, robocup_carpet, robot_chip, rolling_ball_to_goal, volley, volley_of_cross,
+    wet_grass_pass.
+
+    Example: kickdyn simulate free_kick --tolerance 0.01
+    """
+    output.check(inputs=[scene_file])
+    scene = load_scene(scene_file)
+    with busy("simulating"):
+        answer = simulate_scene(scene, None if exact else tolerance)
+        document = _simulation_document(answer)
+    output.write_json(document)
+    if output.prints:
+        print_wrapped(answer.text(times=True))
+    output.name_written()
+
+
+JOINT_NUMBERS = ("force", "force_deviation", "moment", "moment_deviation")
+"""Numbers of `JointUncertainty` in JSON [N s, N m s]."""
+
+
+def numbers_of(answer: Simulation) -> dict[str, Any]:
+    """Return the numbers of a simulation for JSON, in SI units; null where one is not finite."""
+    passage, score = answer.passage, answer.score
+    return {
+        "scene": answer.scene.name,
+        "restitution": answer.impact.restitution,
+        "restitution_given": answer.scene.contact.restitution,
+        "ball_velocity": answer.launch.velocity.tolist(),
+        "ball_spin": answer.launch.spin.tolist(),
+        "end": answer.end.position.tolist(),
+        "time": float(answer.end.time),
+        "error": finite(answer.error),
+        "wall": passage and {"above": passage.above, "beside": passage.beside},
+        "goal_mouth": score and score._asdict(),
+        "warnings": list(answer.warnings),
+    }
+
+
+def _simulation_document(answer: Simulation) -> dict[str, Any]:
+    """Return the numbers of a simulation, its tolerance and its effects."""
+    numbers = numbers_of(answer)
+    for name in ("tolerance", "within_tolerance", "status", "method", "evaluations", "seconds"):
+        numbers[name] = getattr(answer, name)
+    for name in ("model_error", "numerical_error", "end_deviation"):
+        numbers[name] = finite(getattr(answer, name))
+    numbers["joint_impulses"] = answer.launch_spread and {
+        name: {key: finite(getattr(joint, key)) for key in JOINT_NUMBERS}
+        for name, joint in answer.launch_spread.joints.items()
+    }
+    numbers["effects"] = [
+        {"effect": size.effect, "modelled": size.effect in answer.modelled,
+         "negligible": size.effect in answer.negligible, "size": finite(size.end),
+         "seconds": size.seconds}
+        for size in answer.effects
+    ]  # fmt: skip
+    return numbers
+
+
+@command("view")
+@scene_argument
+@click.option("--out", metavar="FILE.html", type=click.Path(), help="Write the 3-D page.")
+@click.option("--png", metavar="FILE.png", type=click.Path(),
+              help="Write a picture of the page; needs Chromium.")  # fmt: skip
+@click.option("--at", "moment", type=float,
+              help="Time since the impact that the picture shows [s].  [default: 0]")  # fmt: skip
+def view(
+    scene_file: str, out: str | None, png: str | None, moment: float | None, output: JsonOptions
+) -> None:
+    """Show a scene file: leg, ball, impulses, flight, and its wall or goal.
+
+    SCENE is a TOML file, or the name of one that comes with kickdyn: free_kick, paper_kick,
+    pass_to_runner, robocup_carpet, robot_chip, rolling_ball_to_goal, volley, volley_of_cross,
+    wet_grass_pass.
+
+    All effects of the scene are modelled, except that a contact of finite time is shown as an
+    instantaneous impact; the printed error states how far that moves the end of the flight.
+
+    Example: kickdyn view free_kick --out kick.html --png kick.png
+    """
+    pages = [file for file in (out, png) if file is not None]
+    if not pages and output.json_file is None:
+        raise InvalidInput("there is no output: give --out, --png or --json")
+    if moment is not None and png is None:
+        raise InvalidInput("--at is for a picture: give --png as well")
+    for file in pages:
+        check_page_name(file)
+    output.check(*pages, inputs=[scene_file])
+    from kickdyn.view.page import page  # imports meshcat, for which --help need not wait
+
+    scene = load_scene(scene_file)
+    with busy("simulating"):
+        simulation = simulate_as_instant(scene)
+    if moment is not None:
+        validation.number("at", moment, at_least=0, at_most=float(simulation.end.time), unit="s")
+    output.write_json(_view_document(simulation))
+    if output.prints:
+        print_wrapped(simulation.summary)
+    if pages:
+        with busy("drawing"):
+            made_page = page(simulation)
+            for file in pages:
+                made_page.save(file, moment or 0.0)
+        warn(made_page.warnings)
+    output.name_written(*pages)
+
+
+def _view_document(simulation: Simulation) -> dict[str, Any]:
+    """Return the numbers of a scene: SI units, joint angles in degrees as given."""
+    from kickdyn.view.kick_scene import joint_impulses_in_world
+
+    impact = simulation.impact
+    assert isinstance(impact, Impact)
+    leg, q = impact.posture.leg, impact.posture.q
+    postures = {"angles_deg": leg.angles_deg(q), "positions_m": leg.positions_m(q)}
+    impulses = joint_impulses_in_world(impact)
+    joints = {
+        key: {name: round(value, 9) + 0.0 for name, value in values.items()}
+        for key, values in postures.items()
+        if values
+    }
+    return numbers_of(simulation) | {
+        "leg": leg.name,
+        "frame": leg.frame,
+        **joints,
+        "impulse": impact.impulse.tolist(),
+        "joint_impulses": {name: impulse.tolist() for name, _, impulse in impulses},
+        "foot_speed": float(np.linalg.norm(impact.foot_velocity)),
+        "launch_angle": float(simulation.launch.elevation),
+        "neglected": dict.fromkeys(simulation.neglected, finite(simulation.model_error)),
+    }
+
+
+TOLERANCE = 0.05
+"""The default tolerance of `simulate`, a line in the picture [m]."""
+
+LEAST_EFFECT = 1e-9
+"""Shorter distances are due to the integrators [m]."""
+
+
+@command("tradeoff")
+@click.option("--scene", metavar="SCENE", help="Measure the effects of a scene: a TOML file, or a "
+              "name as for `kickdyn view`.")  # fmt: skip
+def tradeoff(scene: str | None, output: PlotOptions) -> None:
+    """Measure error and time of the functions for impacts and flights, one by one and in batches.
+
+    With --scene, measure what each effect of a scene changes at the impulse and at the end. The
+    plot shows error against time, or the effects.
+
+    Example: kickdyn tradeoff --plot tradeoff.png
+    """
+    output.check(inputs=[scene])
+    if scene is None:
+        _compare_functions(output)
+    else:
+        _measure_scene(scene, output)
+    output.name_written(output.plot)
+
+
+def _compare_functions(output: PlotOptions) -> None:
+    """Measure the functions; write and print the results."""
+    from kickdyn.cli.function_costs import cost_figure, measure_functions  # imports numba
+
+    with busy("measuring") as show:
+        rows = measure_functions(show)
+    output.save_plot(partial(cost_figure, rows))
+    units = {"seconds": "s", "seconds_alike": "s", "rounding": "1", "model": "1"}
+    numbers = "rounding", "model", "seconds_alike"
+    functions = [
+        row._asdict() | {name: finite(getattr(row, name)) for name in numbers} for row in rows
+    ]
+    output.write_json({"units": units, "functions": functions})
+    if output.prints:
+        lines = [f"{'function':28}{'time [us]':>12}{'rounding':>12}{'model':>12}"]
+        for row in rows:
+            rounding, model = ("" if math.isnan(error) else f"{error:.1e}"
+                               for error in (row.rounding, row.model))  # fmt: skip
+            name = row.function + (" (per row)" if row.is_batch else "")
+            lines.append(f"{name:28}{1e6 * row.seconds:12.3g}{rounding:>12}{model:>12}".rstrip())
+        lines += [
+            "",
+            "rounding: relative error by rounding and integration; model: by neglecting the time "
+            "of the contact, 10 ms; pin.impulseDynamics also neglects friction. Of strikes in "
+            "batches a third each sticks, slips and misses; flights have all lengths.",
+        ]
+        print_wrapped("\n".join(lines))
+
+
+def _measure_scene(scene: str, output: PlotOptions) -> None:
+    """Measure the effects of a scene; write and print the results."""
+    loaded = load_scene(scene)
+    with busy("measuring") as show:
+        exact = simulate_scene(loaded, None)
+        sizes = measure_effects(exact, show)
+    sizes.sort(key=lambda size: math.inf if math.isnan(size.end) else -size.end)
+    output.save_plot(partial(effect_figure, loaded.name, sizes))
+    output.write_json({
+        "scene": loaded.name, "status": exact.status,
+        "end": exact.end.position.tolist(), "impulse": exact.impact.impulse.tolist(),
+        "units": {"end": "m", "impulse": "N s"},
+        "effects": [vars(size) | {"end": finite(size.end), "impulse": finite(size.impulse)}
+                    for size in sizes],
+    })  # fmt: skip
+    if output.prints:
+        impulse = float(np.linalg.norm(exact.impact.impulse))
+        lines = [
+            f"{loaded.name}: impulse {impulse:.4g} N s, {exact.end_text}. If one effect is "
+            "neglected:",
+            f"\n{'effect':14}{'end moves by [m]':>18}{'impulse changes by [N s]':>26}",
+        ]
+        for size in sizes:
+            end, impulse_change = (
+                "" if math.isnan(value) else f"{value:.3g}" for value in (size.end, size.impulse)
+            )
+            lines.append(f"{size.effect:14}{end:>18}{impulse_change:>26}  {size.why_not}".rstrip())
+        print_wrapped("\n".join([*lines, "", *(f"warning: {line}" for line in exact.warnings)]))
+
+
+@styled()
+def effect_figure(title: str, sizes: Sequence[EffectSize], tolerance: float = TOLERANCE) -> Any:
+    """Return the displacement of the end by neglecting each effect, as logarithmic bars.
+
+    A line is drawn at the tolerance [m]: half of it is there for all neglected effects.
+    """
+    from matplotlib.figure import Figure  # takes half a second
+
+    figure = Figure(figsize=(8.0, 1.6 + 0.32 * len(sizes)))
+    axes: Any = figure.subplots()
+    seen = [size.end for size in sizes if size.end > LEAST_EFFECT]
+    low, high = min([*seen, tolerance]) / 3.0, max([*seen, tolerance]) * 8.0
+    for place, size in enumerate(sizes):
+        measured = size.end > LEAST_EFFECT
+        if measured:
+            axes.barh(place, size.end - low, left=low, color="tab:blue", height=0.65)
+        text = "no answer" if size.why_not else f"below {LEAST_EFFECT:g}"
+        text = f"{size.end:.2g}" if measured else text
+        axes.text(1.15 * (size.end if measured else low), place, text, va="center", fontsize=8)
+    axes.axvline(tolerance, color="tab:red", linestyle="--", label=f"tolerance {tolerance:g} m")
+    axes.set(title=title, xlabel="neglecting it moves the end by [m]", xscale="log")
+    axes.set_xlim(low, high)
+    axes.set_yticks(range(len(sizes)), [size.effect for size in sizes])
+    axes.set_ylim(len(sizes) - 0.5, -0.5)
+    axes.grid(visible=False, axis="y")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
+    return figure

@@ -11,6 +11,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.cli.commands import COMMANDS, run
+from kickdyn.paper.reproduce import chosen
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "reference" / "commands.md").read_text("utf-8")
@@ -121,3 +122,12 @@ def test_output_that_cannot_be_written_ends_with_1():
     with open("/dev/full", "w") as full:  # noqa: PTH123
         ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
     assert (ended.returncode, ended.stderr) == (1, "kickdyn: No space left on device\n")
+
+
+@pytest.mark.processor_limit(6)
+@pytest.mark.parametrize("only", ["table 2", "fig 8"])
+def test_a_section_of_the_paper_has_the_items_of_the_library(only, kickdyn):
+    (section,) = chosen(only)
+    items, varied = section.compare()
+    right = [item.as_json() | {"notes": list(item.notes)} for item in (*items, *varied)]
+    assert kickdyn(f"paper --only '{only}' --json -").json == right

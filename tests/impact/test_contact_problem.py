@@ -1,11 +1,12 @@
-"""Other pairs of bodies than leg and ball, and several contacts: by the same laws."""
+"""Other pairs of bodies than leg and ball, and several contacts: by the same laws; relative motion of ball and foot."""
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from tolerances import agrees, closed_form, optimized
+from tolerances import agrees, closed_form, differenced, optimized
 
 import kickdyn as kd
+from kickdyn.impact.contact_motion import contact_motion, free_rise, free_sliding, slip_direction
 from kickdyn.impact.contact_problem import BallBody, Body, ContactPoint, ContactProblem
 from kickdyn.impact.laws import LAWS, solve_contacts
 
@@ -122,3 +123,38 @@ def test_several_contacts_are_one_multibody_system(seed):
     agrees(result, after, closed_form(10))
     lost = 0.5 * (motion @ (mass * motion) - after @ (mass * after))
     assert solution.energy_lost == pytest.approx(lost, rel=closed_form(1e4), abs=closed_form(1e4))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_free_accelerations_are_derivatives_of_the_motion(seed):
+    """Foot and ball on parabolas, in axes that turn with the foot, by central differences."""
+    rng = np.random.default_rng(seed)
+    reach, arm, ball, ball_spin, foot, spin, bias, turn, gravity = rng.normal(size=(9, 3))
+
+    def motion(t):
+        rotation = pin.exp3(spin * t + 0.5 * turn * t * t).T
+        acceleration = bias + np.cross(spin, foot)  # of the joint's origin
+        origin = foot * t + 0.5 * acceleration * t * t
+        centre = arm + reach + ball * t + 0.5 * gravity * t * t
+        vectors = ball + gravity * t, ball_spin, foot + acceleration * t, spin + turn * t
+        return contact_motion(
+            rotation @ (centre - origin) - arm, arm, *(rotation @ vector for vector in vectors)
+        )
+
+    h, (point, relative) = 1e-5, motion(0.0)
+    expected = (np.array(motion(h)[1]) - motion(-h)[1]) / (2 * h)
+    state = reach[2], point, relative, ball, ball_spin, spin, bias, turn, gravity
+    agrees([*free_sliding(*state), free_rise(*state)], expected, 100 * differenced())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_friction_opposes_the_sliding_that_it_leaves(seed):
+    rng = np.random.default_rng(seed)
+    root, sliding = rng.normal(size=(2, 2)), rng.normal(size=2)
+    mobility = root @ root.T * 10.0 ** -(seed % 3)
+    sliding *= 3.0 * np.linalg.norm(mobility) / np.linalg.norm(sliding)  # it does not stick
+    x, y, gain = slip_direction(mobility[0, 0], mobility[0, 1], mobility[1, 1], *sliding)
+    direction = np.array([x, y])
+    assert np.linalg.norm(direction) == pytest.approx(1.0, rel=closed_form())
+    assert gain > 0.0
+    agrees(mobility @ direction + sliding, -gain * direction, closed_form(100))

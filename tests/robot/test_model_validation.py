@@ -1,4 +1,4 @@
-"""Models with unsound mechanics are refused by the joint; bounds on conditions are bounds."""
+"""Models with unsound mechanics are refused by the joint; bounds are bounds; names and patterns."""
 
 import math
 
@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import kickdyn as kd
 from kickdyn.robot.model_validation import check_model, cholesky_with_condition
+from kickdyn.robot.names import expand_patterns, lock_remedy
 
 
 def body(mass=1.0, moments=(0.1, 0.1, 0.05), at=(0.1, 0.2, 0.3)):
@@ -131,3 +132,38 @@ def test_rounding_gain_bounds_what_an_error_of_the_inertia_does(seed):
         change = posture.jacobian @ np.linalg.solve(wrong, posture.jacobian.T) - delassus
         largest = max(largest, (np.abs(change.diagonal()) / delassus.diagonal()).max())
     assert largest == pytest.approx(1e-9 * posture.rounding_gain, rel=1e-3)  # to first order
+
+
+JOINTS = ("hip", "knee", "finger1", "finger2", "finger[1]", "thumb")
+
+
+def hand(names, **lower):
+    """A chain of joints about x with the range -1 to 2, or from `lower`; a rail is along x."""
+    model, parent = pin.Model(), 0
+    for name in names:
+        kind = pin.JointModelPX() if name == "rail" else pin.JointModelRX()
+        limits = [np.array([limit]) for limit in (9.0, 9.0, lower.get(name, -1.0), 2.0)]
+        parent = model.addJoint(parent, kind, pin.SE3.Identity(), name, *limits)
+        model.appendBodyToJoint(parent, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    return model
+
+
+@pytest.mark.parametrize(("values", "expanded"), [
+    ({"hip": 1.0}, {"hip": 1.0}), ({"finger?": 1.0}, {"finger1": 1.0, "finger2": 1.0}),
+    ({"finger[1]": 1.0}, {"finger[1]": 1.0}),  # a name, so no pattern
+    ({"*": 0.0, "knee": 2.0}, dict.fromkeys(JOINTS, 0.0) | {"knee": 2.0}),
+    ({"finger*": 1.0, "*1": 1.0}, {"finger1": 1.0, "finger2": 1.0, "finger[1]": 1.0})])  # fmt: skip
+def test_patterns_stand_for_names(values, expanded):
+    assert expand_patterns(values, JOINTS) == expanded
+
+
+@pytest.mark.parametrize(("lower", "joints", "values", "options"), [
+    ({}, ("finger 1", "palm"), "{'finger 1': 0, 'palm': 0}", "'finger 1=0' --lock palm=0"),
+    ({}, ("palm",), "{'palm': 0}", "palm=0"),
+    # in the middle of a range without 0; 1.5 rad are 85.94 degrees
+    ({"palm": 1.0, "rail": 1.0}, ("palm", "rail"), "{'palm': 1.5, 'rail': 1.5}",
+     "palm=85.94 --lock rail=1.5")])  # fmt: skip
+def test_a_remedy_can_be_copied(lower, joints, values, options):
+    text = lock_remedy(hand(("hip", "finger 1", "palm", "rail"), **lower), joints)
+    assert f"locked={values} " in text
+    assert f"--lock {options} " in text

@@ -1,4 +1,4 @@
-"""Other pairs of bodies than leg and ball, and several contacts: by the same laws; relative motion of ball and foot."""
+"""Other pairs of bodies than leg and ball, several contacts, and relative motion at a contact."""
 
 import numpy as np
 import pinocchio as pin

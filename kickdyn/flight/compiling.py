@@ -1,7 +1,7 @@
 """A ball's equations of motion in machine code, plug-in coefficients included.
 
-numba compiles a Python function only if all it calls is compiled too. Equations with coefficients of
-kickdyn's own are kept on the disk; a user's functions are compiled in each process.
+numba compiles a Python function only if all it calls is compiled too. Equations with coefficients
+of kickdyn's own are kept on the disk; a user's functions are compiled in each process.
 """
 
 import builtins
@@ -53,6 +53,9 @@ X, Y, Z, U, V, W, LEFT = (row * LANES for row in range(7))
 
 HEIGHT, SPIN_X, SPIN_Y, SPIN_Z, DECAYS = (row * LANES for row in range(5))
 """Rows of a scene: of the launch, the height and the spin; 1 where the spin decays, else 0."""
+
+ALONG_X, ALONG_Y = SPIN_X, SPIN_Y
+"""Rows of the direction at the start, of a ball that rolls."""
 
 _vector = numba.float64[::1]
 SIGNATURE: Any = numba.void(_vector, _vector, _vector)
@@ -176,7 +179,7 @@ def compiled_rolling(ball: Ball, air: Air, resistance: float, straight: bool) ->
     def rates(scene: Any, state: Any, rate: Any) -> None:
         for i in range(LANES):
             u, v = state[U + i], state[V + i]
-            ax, ay = acceleration(scene[HEIGHT + i], u, v)
+            ax, ay = acceleration(scene[HEIGHT + i], u, v, scene[ALONG_X + i], scene[ALONG_Y + i])
             rate[X + i], rate[Y + i], rate[Z + i] = u, v, 0.0
             rate[U + i], rate[V + i] = ax, ay
             rate[W + i], rate[LEFT + i] = 0.0, 0.0

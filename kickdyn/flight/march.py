@@ -23,11 +23,22 @@ from numpy.typing import NDArray
 
 from kickdyn.core import dop853
 from kickdyn.core.compilation import WITHIN, Source, named
-from kickdyn.core.dop853 import COUNT, STAGES, WEIGHT, WHICH_RATE
+from kickdyn.core.dop853 import COUNT, STAGES, WEIGHT, WHICH_RATE, first_step
 from kickdyn.core.validation import Array
 from kickdyn.flight import compiling, events
 from kickdyn.flight.compiling import LANES, LEFT, OPTIONS, SIGNATURE, SIZE, U, V, W, X, Z
-from kickdyn.flight.events import AT_REST, MOST_CHANGE, NUMBERS, PARTS, count_readings
+from kickdyn.flight.events import (
+    AT_REST,
+    DIFFERENCE,
+    MOST_CHANGE,
+    NUMBERS,
+    PARTS,
+    backward_cubic,
+    count_readings,
+    cubic_slope,
+    fall_in_step,
+    on_cubic,
+)  # fmt: skip
 from kickdyn.flight.flight_result import ALOFT, FAILED, FURTHER, LANDED
 from kickdyn.flight.integrate import MAX_EVALUATIONS, PART_WEIGHTS
 
@@ -35,9 +46,6 @@ STATES = 7
 
 VALUE, SLOPE = range(2)
 """Rows of the function of an event: its value, and its derivative by time."""
-
-DIFFERENCE = 1e-6
-"""Time over which the function of an event is differentiated, as a fraction of the step."""
 
 _named_tuple: Any = numba.types.NamedTuple
 _typeof: Any = numba.typeof
@@ -52,7 +60,6 @@ _OPTIONS: dict[str, Any] = {**OPTIONS, "_nrt": False}
 
 njit: Any = numba.njit(**_OPTIONS, **WITHIN)
 inlined: Any = numba.njit(**_OPTIONS, **WITHIN, forceinline=True)
-_count_readings = inlined(count_readings)
 
 
 class Flights(NamedTuple):
@@ -263,8 +270,7 @@ def _first_step(i, lane, rtol, time_limit):
         per = 1.0 / (lane.scale[c] + rtol * abs(lane.state[c]))
         d0 += (lane.state[c] * per) ** 2
         d1 += (lane.rates[0, c] * per) ** 2
-    d0, d1 = max(math.sqrt(d0 / STATES), 1.0), math.sqrt(d1 / STATES)
-    return min(d0 / d1 * (0.01 / d0) ** 0.125, time_limit) if d1 > 0.0 else time_limit
+    return first_step(math.sqrt(d0 / STATES), math.sqrt(d1 / STATES), time_limit)
 
 
 @inlined
@@ -415,44 +421,10 @@ def _ends(i, event, h, lane, measured):
 
 
 @inlined
-def _backward_cubic(ends):
-    """Return the coefficients of a cubic from the end of a step back to its beginning."""
-    start, rise, end, last_rise = ends
-    fall = start - end
-    return end, -last_rise, 2.0 * last_rise + rise + 3.0 * fall, -last_rise - rise - 2.0 * fall
-
-
-@inlined
-def _on_cubic(cubic, s):
-    p0, p1, p2, p3 = cubic
-    return p0 + s * (p1 + s * (p2 + s * p3))
-
-
-@inlined
 def _spin_cubic(i, h, lane):
     """Return the coefficients of the fraction of the spin from the end of a step back."""
     m, last = LEFT + i, lane.rates[STAGES]
-    return _backward_cubic((lane.state[m], h * lane.rates[0, m], lane.new[m], h * last[m]))
-
-
-@inlined
-def _find_fall(ends):
-    """Return the fraction of a step from a function's fall through zero to the end of the step."""
-    p0, p1, p2, p3 = _backward_cubic(ends)
-    low, high, s = 0.0, 1.0, p0 / (p0 - ends[0])
-    for _ in range(60):
-        value = p0 + s * (p1 + s * (p2 + s * p3))
-        if value > 0.0:
-            high = s
-        else:
-            low = s
-        further = s - value / (p1 + s * (2.0 * p2 + s * 3.0 * p3))
-        if not low <= further <= high:
-            further = 0.5 * (low + high)
-        moved, s = abs(further - s), further
-        if moved <= 1e-3 * s or moved < 1e-15:  # and the next one by its square
-            break
-    return s
+    return backward_cubic((lane.state[m], h * lane.rates[0, m], lane.new[m], h * last[m]))
 
 
 @inlined
@@ -463,18 +435,9 @@ def _correct_fall(values_of, i, event, s, h, lane, measured):
     if event != _CREST:
         values_of(measured.numbers, lane.point[:], measured.value)
         value = measured.value[event * LANES + i]
-    _, p1, p2, p3 = _backward_cubic(_ends(i, event, h, lane, measured))
-    corrected = s - value / (p1 + s * (2.0 * p2 + s * 3.0 * p3))
+    cubic = backward_cubic(_ends(i, event, h, lane, measured))
+    corrected = s - value / cubic_slope(cubic, s)
     return corrected if 0.0 < corrected < 1.0 else s
-
-
-@inlined
-def _find_lowest(ends):
-    """Return the fraction of a step after a function's least value, and that value."""
-    cubic = _backward_cubic(ends)
-    _, p1, p2, p3 = cubic
-    s = -p1 / (p2 + math.sqrt(max(p2 * p2 - 3.0 * p1 * p3, 0.0)))
-    return s, _on_cubic(cubic, s)
 
 
 @njit
@@ -518,7 +481,7 @@ def _interpolate(i, s, per, h, lane):
             lane.point[c + j], lane.point[U + c + j] = displacement, velocity / h
     cubic = _spin_cubic(i, h, lane)
     for j in range(LANES):
-        lane.point[LEFT + j] = _on_cubic(cubic, s - j * per)
+        lane.point[LEFT + j] = on_cubic(cubic, s - j * per)
 
 
 @inlined
@@ -545,25 +508,11 @@ def _first_event(i, h, lane, measured, known):
     first, before_end, again, unknown = _NO_EVENT, -1.0, 1.0, False
     for event in range(_CREST, measured.begin.shape[1] // LANES):
         ends = _ends(i, event, h, lane, measured)
-        start, rise, end, last_rise = ends
-        unknown |= end != end
-        if start > 0.0 >= end:
-            s = _find_fall(ends) if event < known else -1.0
-            if s > before_end:
-                first, before_end = event, s
-        elif start == 0.0 > end:
-            if rise > 0.0:  # before it falls
-                again = min(again, 0.5 * rise / (rise - end))
-            elif rise == 0.0 and event != _CREST:
-                again = min(again, 0.5)
-        elif event != _CREST and start > 0.0 and end > 0.0:
-            if rise < 0.0 < last_rise:
-                s, lowest = _find_lowest(ends)
-                doubt = 0.05 * (s * (1.0 - s)) ** 2 * (last_rise - rise)
-                if lowest <= doubt and s < 1.0 - 1e-6:  # the end of a step there will decide
-                    again = min(again, 1.0 - s)
-        elif start * end > 0.0 and start * (start + rise) < 0.0 > end * (end - last_rise):
-            again = min(again, 0.5)  # it may come and go within the step
+        unknown |= ends[2] != ends[2]
+        s, doubt = fall_in_step(ends, event == _CREST)
+        again = min(again, doubt)
+        if s > before_end and event < known:
+            first, before_end = event, s
     return first, before_end, again, unknown
 
 
@@ -658,7 +607,7 @@ def _read_fall(values_of, i, lane, measured, known):
     for c in range(U + i, LEFT, LANES):
         speed += lane.state[c] ** 2
         late_speed += lane.new[c] ** 2
-    count = _count_readings(h / PARTS, math.sqrt(max(speed, late_speed)))
+    count = count_readings(h / PARTS, math.sqrt(max(speed, late_speed)))
     for c in range(0, len(measured.numbers), LANES):
         for j in range(LANES):
             measured.copies[c + j] = measured.numbers[c + i]

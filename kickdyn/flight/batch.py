@@ -250,17 +250,10 @@ def integrate_many(
     tol: float,
     time_limit: float,
 ) -> "Flown":
-    """Return n flights by machine code.
+    """Return n flights by machine code for their rates, such as `compiled_rates`.
 
-    Args:
-        rates: rates of change of the states, as from `compiled_rates`.
-        ends: the events that end a flight.
-        numbers: their numbers, as of `numbers_of`.
-        launch: `scene` and `velocity` of `march.Flights`.
-        scales: absolute tolerances of displacement [m] and velocity [m/s], and the longest step
-            [s], each a number or shape `(n,)`.
-        tol: relative tolerance.
-        time_limit: time after which the flights end [s].
+    The launch is `scene` and `velocity` of `march.Flights`; the scales are absolute tolerances of
+    displacement [m] and velocity [m/s] and the longest step [s], numbers or shape `(n,)`.
     """
     from kickdyn.flight.compiling import compiled_ends
     from kickdyn.flight.march import Flights, march
@@ -339,17 +332,15 @@ def _slopes(task: _Task, events: Sequence[Event], tol: float) -> Rows:
     speed = np.maximum(validation.length(states.velocity), 1e-9)
     spin = np.maximum(validation.length(states.spin), speed / task.ball.radius)
 
-    def moved(changed: BallState) -> Array:
+    def landing(name: str, change: Array) -> Array:
+        changed = replace(states, **{name: getattr(states, name) + change})
         launched = tuple(event.launched(changed) for event in events)
         flown = _flown(task._replace(states=changed, ends=launched), min(tol, DIFFERENCES_TOL))
         return flown.nodes[:, 1:4]
 
-    by_velocity = difference_slopes(
-        lambda change: moved(replace(states, velocity=states.velocity + change)),
-        DIFFERENCE * speed, 3,
-    )  # fmt: skip
-    by_spin = difference_slopes(
-        lambda change: moved(replace(states, spin=states.spin + change)), DIFFERENCE * spin, 3
+    by_velocity, by_spin = (
+        difference_slopes(partial(landing, name), DIFFERENCE * size, 3)
+        for name, size in (("velocity", speed), ("spin", spin))
     )
     meaning = "derivative of the landing position by the"
     return [

@@ -30,7 +30,7 @@ from kickdyn.aerodynamics.coefficient_model import (
 )
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.core.compilation import WITHIN, cache_folder, from_cache, log, uncollected
+from kickdyn.core.compilation import WITHIN, cache_folder, compiled, is_on_disk, uncollected
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import NUMBERS, EventFunction
 from kickdyn.flight.forces import Acceleration, Reynolds, acceleration_function, reynolds_number
@@ -284,20 +284,18 @@ def _from_disk(function: Callable[..., Any], callees: Callees, what: str, key: s
     digest = hashlib.sha256(_sources() + str(key).encode()).hexdigest()[:32]
     twin = types.FunctionType(_call.__code__, called, f"equations_{digest}")
     twin.__qualname__ = twin.__name__
-    cached = key is not None and cache_folder(twin) is not None
+    if key is not None and is_on_disk(twin):
+        with suppress(numba.TypingError):  # its files are of no use
+            return compiled(twin, SIGNATURE, what, **OPTIONS)
     with uncollected():
-        if cached:
-            with suppress(numba.TypingError, RuntimeError, OSError):  # it is not on the disk
-                return from_cache(twin, lambda: numba.njit(SIGNATURE, cache=True, **OPTIONS)(twin))
-            log.info("compiling %s", what)
         for callee, arguments, callee_name in callees:
             _compile(callee, arguments, callee_name)
         called["function"] = dispatcher = _compile(function, SIGNATURE, what)
-        if cached:
-            with suppress(RuntimeError, OSError):  # nowhere to keep it
-                dispatcher = numba.njit(SIGNATURE, cache=True, **OPTIONS)(twin)
-                _forget(Path(dispatcher.stats.cache_path))
-        return dispatcher
+    if key is not None:
+        dispatcher = compiled(twin, SIGNATURE, what, **OPTIONS)
+        if folder := cache_folder(twin):
+            _forget(folder)
+    return dispatcher
 
 
 @cache

@@ -70,7 +70,6 @@ class Event:
             returns them. That function is called with one launch by `fly`, with n launches by
             `fly_many`, and with the ball after every bounce by `follow`.
         terminal: whether the event ends the flight.
-        ends_step: whether a step of the integration must end at an event that is not terminal.
         within_steps: whether the function is also read within the steps. That of a plane needs not
             be: its values and slopes at the ends of a step suffice.
 
@@ -90,7 +89,6 @@ class Event:
     function: EventFunction
     numbers: Any = ()
     terminal: bool = True
-    ends_step: bool = False
     within_steps: bool = True
 
     def launched(self, launch: BallState) -> "Event":
@@ -193,13 +191,6 @@ def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
 
 CREST = Event("crest", lambda state, _: state[5], terminal=False, within_steps=False)
 """The ball is as high as it gets before it sinks."""
-
-STEEP_CREST = replace(CREST, ends_step=True)
-"""The crest of a ball that flies straight up. It reverses its drag there, where drag by the square
-of the speed has a jump in its second derivative: the estimate of a step's error may not see it."""
-
-STEEPNESS = 10.0
-"""Upward over horizontal speed of a launch from which the crest is `STEEP_CREST`."""
 
 
 @inlined

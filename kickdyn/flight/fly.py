@@ -16,8 +16,6 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.events import (
     CREST,
-    STEEP_CREST,
-    STEEPNESS,
     Event,
     checked_ends,
     distance_to_plane,
@@ -182,22 +180,15 @@ def _closed_form(
 
 
 class FlownArc(NamedTuple):
-    """An integrated flight: states are those of `FlightEquations`.
-
-    Attributes:
-        arc: the result of `integrate`.
-        begin: states at the launch.
-        end: time [s] and states at the end; on the ground by definition, not but for rounding.
-    """
+    """An integrated flight: states are those of `FlightEquations`."""
 
     arc: Arc
-    begin: Array
-    end: tuple[float, Array]
+    begin: Array  # states at the launch
+    end: tuple[float, Array]  # time [s] and states; on the ground by definition
 
     def apex(self) -> tuple[float, Array]:
         """Return time [s] and states at the highest point."""
-        crests = [locate() for _, locate in self.arc.passed]
-        nodes = (0.0, self.begin), self.end, *(c for c in crests if c[0] <= self.arc.end)
+        nodes = (0.0, self.begin), self.end, *self.arc.passed
         return max(nodes, key=lambda node: float(node[1][2]))
 
 
@@ -219,18 +210,13 @@ def fly_arc(
         )
     equations = FlightEquations(state, ball, air)
     wind = _wind_speed(air, float(state.position[2]))
-    # The integrator bounds the root mean square over seven states; those that do not change must
-    # not relax it.
-    tight = tol * math.sqrt(equations.count_changing() / 7)
     drop = ends[0].numbers[0]
-    relative, length, pace = tolerances(speed, drop, wind, ball, air, tight)
-    absolute = np.array([*3 * [length], *3 * [pace], tight])
+    relative, length, pace = tolerances(speed, drop, wind, ball, air, tol)
+    absolute = np.array([*3 * [length], *3 * [pace], tol])
     tolerance = Tolerance(relative, absolute, max_step or math.inf)
     try:
-        vx, vy, vz = state.velocity.tolist()
-        crest = STEEP_CREST if vz > STEEPNESS * math.hypot(vx, vy) else CREST
         start = 0.0, equations.begin
-        arc = integrate(equations.rates, start, [*ends, crest], time_limit, tolerance)
+        arc = integrate(equations.rates, start, [*ends, CREST], time_limit, tolerance)
     except KickdynError as error:
         fault = equations.fault
         if fault is None:

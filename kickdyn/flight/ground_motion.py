@@ -101,21 +101,13 @@ def bounce(state: BallState, ball: Ball, surface: Surface) -> BallState:
 
 
 class Sliding(NamedTuple):
-    """How friction slows one ball that slides, or n of them; vectors of shape `(3,)` or `(n, 3)`.
-
-    Attributes:
-        begin: the ball at the start.
-        velocity: along the ground at the start [m/s].
-        deceleration: of the centre [m/s2].
-        spin_change: rate at which the spin changes [rad/s2].
-        duration: time until the ball rolls [s], a number or shape `(n,)`; 0 where it rolls already.
-    """
+    """How friction slows one ball that slides, or n; vectors of shape `(3,)` or `(n, 3)`."""
 
     begin: BallState
-    velocity: Array
-    deceleration: Array
-    spin_change: Array
-    duration: float | Array
+    velocity: Array  # along the ground at the start [m/s]
+    deceleration: Array  # of the centre [m/s2]
+    spin_change: Array  # rate at which the spin changes [rad/s2]
+    duration: float | Array  # time until the ball rolls [s]; 0 where it rolls already
 
     def sample(self, t: Array) -> BallState:
         """Return one ball at n times `(n,)` since the start, or n balls each at its own time."""
@@ -152,29 +144,17 @@ def sliding_of(state: BallState, ball: Ball, air: Air | None, surface: Surface) 
 
 
 class Rolling(NamedTuple):
-    """How one ball that rolls, or n of them, are slowed by the surface and the air.
+    """How one ball that rolls, or n of them, are slowed by the surface and the air."""
 
-    Attributes:
-        air: the air; `VACUUM` where it does not act.
-        acting: acceleration of a ball in flight by it, see `acceleration_function`.
-        share: part of this acceleration that a ball has which rolls, see `rolling_share`.
-        wind: acceleration of a ball at rest by the wind, shape `(2,)` [m/s2].
-        straight: whether no wind changes the direction of the motion.
-        direction: unit vector of the velocity at the start, shape `(2,)` or `(n, 2)`.
-        speed: at the start [m/s], a number or shape `(n,)`.
-        slowest: speed from which on all forces are taken to be constant [m/s].
-        length: about how far the ball rolls [m].
-    """
-
-    air: Air
-    acting: Callable[..., tuple[float, float, float, float]]
-    share: float
-    wind: Array
-    straight: bool
-    direction: Array
-    speed: float | Array
-    slowest: float | Array
-    length: float | Array
+    air: Air  # `VACUUM` where it does not act
+    acting: Acceleration
+    share: float  # of a ball in flight's acceleration, see `rolling_share`
+    wind: Array  # acceleration of a ball at rest by the wind, shape `(2,)` [m/s2]
+    straight: bool  # whether no wind changes the direction of the motion
+    direction: Array  # of the velocity at the start, shape `(2,)` or `(n, 2)`
+    speed: float | Array  # at the start [m/s]
+    slowest: float | Array  # from which on all forces are taken to be constant [m/s]
+    length: float | Array  # about how far the ball rolls [m]
 
     @property
     def slow_event(self) -> Event:

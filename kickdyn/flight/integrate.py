@@ -7,7 +7,7 @@ of a step is far more accurate near its end than within it.
 import math
 import operator
 from collections.abc import Callable, Sequence
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -62,38 +62,22 @@ Crossing = tuple[float, Array]
 
 
 class Arc(NamedTuple):
-    """A solution from a start to an event, or to the time limit.
+    """A solution from a start to an event, or to the time limit."""
 
-    Attributes:
-        end: time of the event or the limit [s].
-        state: state at the end, shape `(m,)`.
-        reached: the event that ended the integration; None if the time limit did.
-        passed: the events on the way that did not end it, with functions that return time and
-            state; some may be after the end.
-        evaluations: number of evaluations of the rates.
-        steps: the times at which the steps begin, and functions that return their interpolants.
-    """
-
-    end: float
-    state: Array
-    reached: Event | None
-    passed: list[tuple[Event, Callable[[], Crossing]]]
-    evaluations: int
-    steps: list[tuple[float, Callable[[], Any]]]
+    end: float  # time of the event or the limit [s]
+    state: Array  # at the end, shape `(m,)`
+    reached: Event | None  # the event that ended the integration; None if the time limit did
+    passed: list[Crossing]  # the events on the way that did not end it
+    evaluations: int  # of the rates
+    steps: list[Callable[[], Any]]  # functions that return the interpolants of the steps
 
 
 class Tolerance(NamedTuple):
-    """Tolerances of the integration.
+    """Tolerances of the integration."""
 
-    Attributes:
-        relative: of the states; at least 100 times the machine epsilon, as scipy demands.
-        absolute: of each state, shape `(m,)`.
-        longest: longest step [s].
-    """
-
-    relative: float
-    absolute: Array
-    longest: float = math.inf
+    relative: float  # of the states; at least 100 times the machine epsilon, as scipy demands
+    absolute: Array  # of each state, shape `(m,)`
+    longest: float = math.inf  # step [s]
 
 
 def trajectory(arc: Arc, begin: Array) -> Callable[[Array], Array]:
@@ -110,7 +94,7 @@ def trajectory(arc: Arc, begin: Array) -> Callable[[Array], Array]:
             return np.tile(begin[:, None], (1, times.size))
         if solution is None:
             with np.errstate(over="ignore", invalid="ignore"):
-                steps = [interpolant() for _, interpolant in arc.steps]
+                steps = [interpolant() for interpolant in arc.steps]
             solution = OdeSolution([*(step.t_old for step in steps), steps[-1].t], steps)
         return np.asarray(solution(times))
 
@@ -230,24 +214,24 @@ class _Step:
 
     def locate(self, event: Event, fall: _Fall) -> Crossing:
         """Return time and states of an event that falls within the step, on the interpolant."""
-        times = [self.begin + fraction * self.length for fraction in fall[:2]]
-        states = {float(self.solver.t): self.solver.y}
+        low, high = (self.begin + fraction * self.length for fraction in fall[:2])
+        high = float(self.solver.t) if fall.high == 1.0 else high
+
+        def state(time: float) -> Array:
+            return self.solver.y if time == self.solver.t else self.interpolant(time)
 
         def value(time: float) -> float:
-            if time not in states:
-                states[time] = self.interpolant(time)
-            return event.value(states[time].tolist())
+            return event.value(state(time).tolist())
 
-        low, high = times[0], float(self.solver.t) if fall.high == 1.0 else times[1]
         estimate = high - 1.0001 * (1.0 - fall.about) * self.length
         low = estimate if estimate > low and value(estimate) > 0.0 else low
-        above, below = value(low), value(high)
-        if not above > 0.0 >= below:  # but for rounding
-            time = high if above > 0.0 else low
-            return time, states[time]
-        precision = max(1e-14 * self.length, 1e-300)
-        time = float(brentq(value, low, high, xtol=precision, rtol=4.0 * EPSILON, disp=False))
-        return time, states[time] if time in states else self.interpolant(time)
+        time, above, below = low, value(low), value(high)
+        if above > 0.0:
+            time = high
+        if above > 0.0 >= below:  # but for rounding
+            precision = max(1e-14 * self.length, 1e-300)
+            time = float(brentq(value, low, high, xtol=precision, rtol=4.0 * EPSILON, disp=False))
+        return time, state(time)
 
 
 def _states_at_ends(
@@ -281,30 +265,26 @@ class _Integration:
         reached = end_at_launch(self._events, state, rates)
         if reached is not None:
             return Arc(begin, state, reached, [], 0, [])
-        passed: list[tuple[Event, Callable[[], Crossing]]] = []
-        steps: list[tuple[float, Callable[[], Any]]] = []
-        ending = [event for event in self._events if event.terminal or event.ends_step]
-        terminal = [event for event in ending if event.terminal]
+        passed: list[Crossing] = []
+        steps: list[Callable[[], Any]] = []
         solver = self._solver(begin, state, _first_length(state, rates, self._tolerance))
         while solver.status == "running":
-            step, falls = self._step_to(ending, solver)
-            node, solver = (step.begin, step.before, step.length), step.solver
-            steps.append((step.begin, keep_stages(solver).dense_output))
-            passed += [(event, partial(self._locate, event, *node))
-                       for event in falls if not event.terminal]  # fmt: skip
-            crossings = [(*step.locate(event, fall), event)
-                         for event, fall in falls.items() if event.terminal]  # fmt: skip
-            if crossings:
-                end, state, reached = min(crossings, key=lambda crossing: crossing[0])
-                return Arc(end, state, reached, passed, self._evaluations, steps)
+            step, falls = self._step_to(solver)
+            steps.append(keep_stages(solver).dense_output)
+            crossings = [(*step.locate(event, fall), event) for event, fall in falls.items()]
+            for time, state, event in sorted(crossings, key=lambda crossing: crossing[0]):
+                if event.terminal:
+                    return Arc(time, state, event, passed, self._evaluations, steps)
+                passed.append((time, state))
             step.check_values()
             length = min(solver.h_abs, self._time_limit - solver.t)
-            fraction = min((step.foresee_fall(event, length) for event in terminal), default=1.0)
+            foreseen = (step.foresee_fall(event, length) for event in self._events)
+            fraction = min(foreseen, default=1.0)
             if fraction < 1.0 - EVENT_MARGIN:
                 solver.h_abs = (1.0 + 0.5 * EVENT_MARGIN) * fraction * length
         return Arc(float(solver.t), solver.y, None, passed, self._evaluations, steps)
 
-    def _step_to(self, events: Sequence[Event], solver: DOP853) -> tuple[_Step, dict[Event, _Fall]]:
+    def _step_to(self, solver: DOP853) -> tuple[_Step, dict[Event, _Fall]]:
         """Take a step; take it anew until it ends shortly after the first of events within it.
 
         Return the step, and where the functions of all events fall through zero in it.
@@ -314,7 +294,7 @@ class _Integration:
             found = {event: step.find_fall(event) for event in self._events}
             falls = {event: fall for event, (fall, _) in found.items() if fall is not None}
             again = min((doubt for _, doubt in found.values()), default=1.0)
-            about = min((falls[event].about for event in events if event in falls), default=1.0)
+            about = min((fall.about for fall in falls.values()), default=1.0)
             if again == 1.0 and about < 1.0 - EVENT_MARGIN:
                 again = (1.0 + 0.5 * EVENT_MARGIN) * about
             shortest = max(100.0 * math.ulp(step.begin), 1e-300)
@@ -323,15 +303,6 @@ class _Integration:
             length = again * step.length
             solver.t, solver.y, solver.f = step.begin, step.before, step.rates
             solver.h_abs, solver.status = max(length, shortest), "running"
-
-    def _locate(self, event: Event, begin: float, state: Array, length: float) -> Crossing:
-        solver = self._solver(begin, state, length)
-        with np.errstate(over="ignore", invalid="ignore"):
-            while True:
-                step, falls = self._step_to([event], solver)
-                if event in falls:
-                    return step.locate(event, falls[event])
-                solver = step.solver
 
     def _solver(self, begin: float, state: Array, length: float) -> DOP853:
         relative, absolute, longest = self._tolerance

@@ -63,31 +63,17 @@ inlined: Any = numba.njit(**_OPTIONS, **WITHIN, forceinline=True)
 
 
 class Flights(NamedTuple):
-    """What n flights begin with, and, from `nodes` on, their results.
+    """What n flights begin with, and, from `nodes` on, their results."""
 
-    Attributes:
-        scene: height of the launch [m], spin (3) [rad/s], 1 where it decays or else 0; `(n, 5)`.
-        velocity: at the launch, `(n, 3)` [m/s].
-        numbers: four numbers of each of k events, `(n, 4 k)`.
-        tolerance: absolute tolerances of displacement [m], velocity [m/s] and of the spin over that
-            of the launch, the longest step [s], and the fraction of a step, at its end, in which
-            an event must lie; `(n, 5)`.
-        begin: memory for the rates at the launch, the first step [s], and value and slope
-            of the events' functions, `(n, 8 + 2 k)`.
-        nodes: time and 7 states at the end, then at the apex, `(n, 16)`.
-        status: `LANDED`, `ALOFT`, `FAILED`, or `FURTHER` plus the number of an event after the
-            ground; `(n,)`.
-        evaluations: number of evaluations, `(n,)`.
-    """
-
-    scene: Array
-    velocity: Array
-    numbers: Array
-    tolerance: Array
-    begin: Array
-    nodes: Array
-    status: NDArray[np.int8]
-    evaluations: NDArray[np.int64]
+    scene: Array  # height of the launch [m], spin (3) [rad/s], 1 where it decays, else 0; `(n, 5)`
+    velocity: Array  # at the launch, `(n, 3)` [m/s]
+    numbers: Array  # four of each of k events, `(n, 4 k)`
+    tolerance: Array  # of displacement [m], velocity [m/s], and spin over that of the launch; the
+    # longest step [s]; the fraction of a step, at its end, in which an event must lie; `(n, 5)`
+    begin: Array  # memory: rates at the launch, first step [s], `VALUE` and `SLOPE` of the events
+    nodes: Array  # time [s] and 7 states at the end, then at the apex, `(n, 16)`
+    status: NDArray[np.int8]  # `LANDED`, `ALOFT`, `FAILED`, `FURTHER` plus the number of an event
+    evaluations: NDArray[np.int64]  # `(n,)`
 
 
 LANE = np.dtype([
@@ -114,25 +100,16 @@ LANE = np.dtype([
 
 
 class Measured(NamedTuple):
-    """Functions of the k events of all lanes, one event after the other.
+    """Functions of the k events of all lanes, one event after the other: `k LANES` columns."""
 
-    Attributes:
-        begin, end: value and slope at both ends of the step, `(2, k LANES)`.
-        numbers, copies: the events' numbers, of all lanes and of one flight, `(4 k LANES,)`.
-        value: values at the states `point`, `(k LANES,)`.
-        parts: values at both ends of the step and between its parts.
-        most: greatest change in a part of the step.
-        least: least sum of the values at both ends of a part, one of which is positive.
-    """
-
-    begin: Array
-    end: Array
-    numbers: Array
-    copies: Array
-    value: Array
-    parts: Array
-    most: Array
-    least: Array
+    begin: Array  # `VALUE` and `SLOPE` at the beginning of the step
+    end: Array  # and at its end
+    numbers: Array  # of the events, of all lanes, `(4 k LANES,)`
+    copies: Array  # of the events, of one flight
+    value: Array  # at the states `point`
+    parts: Array  # values at both ends of the step and between its parts
+    most: Array  # greatest change in a part of the step
+    least: Array  # least sum of the values at both ends of a part, one of which is positive
 
 
 def march(
@@ -145,11 +122,9 @@ def march(
     time_limit: float,
     known: int,
 ) -> None:
-    """Fill in nodes, status and evaluations of n flights.
+    """Fill in the results of n flights by the machine code of `source` and `reading_source`.
 
-    `code` is the machine code of `source`, `reading` that of `reading_source`, `rates_of` what
-    `compiled_rates` returns, `values_of` what `compiled_ends` does. The functions of all events but
-    the first `known` ones are also read within the steps.
+    The functions of all events but the first `known` ones are also read within the steps.
     """
     size = flights.numbers.shape[1] * LANES
     lanes, k = np.zeros(1, LANE), size // NUMBERS
@@ -496,14 +471,10 @@ def _allowed(i, h, lane, time_limit):
 
 @inlined
 def _first_event(i, h, lane, measured, known):
-    """Return the first event in a step of a lane, and the doubts about events in it.
+    """Return the first event in a step of a lane, and the fraction of the step after it.
 
-    All but the first `known` ones have been read within the step: only the doubts are of them.
-
-    Returns:
-        The number of the event, or `_NO_EVENT`; about which fraction of the step is left after it;
-        the fraction of the step that is to be taken anew, because an event may come and go within
-        it, else 1; whether the function of an event is not a number at the end.
+    All but the first `known` ones have been read within the step. Also returned are how much of the
+    step is to be taken anew (`fall_in_step`), and whether a function is not a number at its end.
     """
     first, before_end, again, unknown = _NO_EVENT, -1.0, 1.0, False
     for event in range(_CREST, measured.begin.shape[1] // LANES):
@@ -595,12 +566,9 @@ def _read_within(values_of, lanes, measured, known):
 
 @njit
 def _read_fall(values_of, i, lane, measured, known):
-    """Return which event falls first within a lane's step, by reading, and about where.
+    """Return which event falls first within a lane's step, and the fraction of the step after it.
 
     Every lane of `point` has another state of the flight. A row of `sums` has the last values.
-
-    Returns:
-        The number of the event, or `_NO_EVENT`, and the fraction of the step after it.
     """
     h, last, events = lane.step[i], lane.sums[0], measured.end.shape[1] // LANES
     speed, late_speed = 0.0, 0.0

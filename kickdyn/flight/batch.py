@@ -433,11 +433,10 @@ def _one_by_one(task: _Task, rows: NDArray[np.intp], tol: float, longest: Array 
         step = None if longest is None else float(longest[i])
         try:
             flown = fly_arc(state, task.ball, air, tol, ends, task.time_limit, step)
-            apex = flown.apex()
         except KickdynError:
             continue
         reached, evaluations[i] = flown.arc.reached, flown.arc.evaluations
-        nodes[i] = np.concatenate([[flown.end[0]], flown.end[1], [apex[0]], apex[1]])
+        nodes[i] = np.hstack([*flown.end, *flown.apex])
         end = -1 if reached is None else ends.index(reached)
         status[i] = ALOFT if end < 0 else LANDED if end == 0 else FURTHER - 1 + end
     return Flown(nodes, status, evaluations)

@@ -170,7 +170,7 @@ def _closed_form(
         )
     return flown(
         _ball_at(state, 0.0, ballistic(state.velocity, g, np.zeros(1))[0]),
-        lambda: _ball_at(state, float(node[8]), node[9:]),
+        _ball_at(state, float(node[8]), node[9:]),
         _ball_at(state, float(node[0]), node[1:8]),
         FlightStatus.ALOFT if reached is None else reached.name,
         "closed form",
@@ -185,11 +185,7 @@ class FlownArc(NamedTuple):
     arc: Arc
     begin: Array  # states at the launch
     end: tuple[float, Array]  # time [s] and states; on the ground by definition
-
-    def apex(self) -> tuple[float, Array]:
-        """Return time [s] and states at the highest point."""
-        nodes = (0.0, self.begin), self.end, *self.arc.passed
-        return max(nodes, key=lambda node: float(node[1][2]))
+    apex: tuple[float, Array]  # time [s] and states at the highest point
 
 
 def fly_arc(
@@ -226,7 +222,9 @@ def fly_arc(
     last = arc.end, arc.state.copy()
     if arc.reached is ends[0]:
         last[1][2] = -drop  # by definition; else but for rounding
-    return FlownArc(arc, equations.begin, last)
+    nodes = (0.0, equations.begin), last, *arc.passed
+    apex = max(nodes, key=lambda node: float(node[1][2]))
+    return FlownArc(arc, equations.begin, last, apex)
 
 
 def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ...]) -> Flight:
@@ -239,7 +237,7 @@ def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ..
     states = trajectory(arc, path.begin)
     return flown(
         _ball_at(state, 0.0, path.begin),
-        lambda: _ball_at(state, *path.apex()),
+        _ball_at(state, *path.apex),
         _ball_at(state, *path.end),
         FlightStatus.ALOFT if arc.reached is None else arc.reached.name,
         f"DOP853, rtol {tol:g}, {effects}",

@@ -80,22 +80,15 @@ _LN2_HIGH, _LN2_LOW = 0.693147180369123816490, 1.90821492927058770002e-10
 
 
 @_intrinsic  # type: ignore[untyped-decorator]
-def _bits(typing_context: Any, x: Any) -> Any:
-    return numba.int64(numba.float64), _reread(ir.IntType(64))
-
-
-@_intrinsic  # type: ignore[untyped-decorator]
-def _number(typing_context: Any, x: Any) -> Any:
-    return numba.float64(numba.int64), _reread(ir.DoubleType())
-
-
-def _reread(kind: Any) -> Callable[..., Any]:
-    """Return the generator of code that takes the bits of its argument for another kind."""
+def _power_of_two(typing_context: Any, shifted: Any) -> Any:
+    """Return 2 to the power of a whole number to which `_INTEGER` is added."""
+    whole, real = ir.IntType(64), ir.DoubleType()
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], kind)
+        biased = builder.add(builder.bitcast(arguments[0], whole), whole(1023))
+        return builder.bitcast(builder.shl(biased, whole(52)), real)
 
-    return generate
+    return numba.float64(numba.float64), generate
 
 
 @inlined  # type: ignore[untyped-decorator]
@@ -111,7 +104,7 @@ def exp(x: float) -> float:
     p = 1 / 720 + r * (1 / 5040 + r * p)
     p = 1 / 24 + r * (1 / 120 + r * p)
     p = 1 / 2 + r * (1 / 6 + r * p)
-    p = (1 + r * (1 + r * p)) * _number((_bits(shifted) + 1023) << 52)
+    p = (1 + r * (1 + r * p)) * _power_of_two(shifted)
     p = p if x >= -708.0 else 0.0
     p = p if x <= 709.0 else math.inf
     return p if x == x else x

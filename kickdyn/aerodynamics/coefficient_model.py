@@ -49,7 +49,7 @@ class CoefficientModel:
 
     def __reduce__(self) -> "tuple[Callable[..., CoefficientModel], tuple[Any, ...]]":
         """Pickle a registered model by its name, any other by its values."""
-        if is_registered(self):
+        if is_known(self):
             return _registered, (self.kind, self.name)
         return CoefficientModel, tuple(getattr(self, field.name) for field in fields(self))
 
@@ -136,21 +136,15 @@ def registry(*models: CoefficientModel) -> dict[str, CoefficientModel]:
     return {model.name: model for model in models}
 
 
-def is_registered(model: Coefficient) -> bool:
-    """Return whether a coefficient is one of those that come with kickdyn."""
-    return isinstance(model, CoefficientModel) and (
-        _REGISTERED.get((model.kind, model.name)) is model
-    )
-
-
 def _registered(kind: str, name: str) -> CoefficientModel:
     """Return a model of one of the registries, which `kickdyn.aerodynamics` fills on import."""
     return _REGISTERED[kind, name]
 
 
 def is_known(model: Coefficient) -> bool:
-    """Return whether a coefficient is constant or one of the registries."""
-    return is_registered(model) or isinstance(model, ConstantCoefficient)
+    """Return whether a coefficient is constant or one of those that come with kickdyn."""
+    registered = any(model is known for known in _REGISTERED.values())
+    return registered or isinstance(model, ConstantCoefficient)
 
 
 def constant_limits(kind: str) -> dict[str, Any]:

@@ -10,6 +10,7 @@ its formula in `tests/extremes/exact_coefficients.py`.
 import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
+from functools import cache
 
 from kickdyn.aerodynamics.coefficient_model import (
     Coefficient,
@@ -81,6 +82,7 @@ class SoccerBall:
     v_max: float = 35.0
 
 
+@cache
 def without_spin(ball: SoccerBall) -> Callable[[float], float]:
     r"""Return C_D(Re) of a ball that does not spin, for Re above 7e4.
 
@@ -105,6 +107,7 @@ def without_spin(ball: SoccerBall) -> Callable[[float], float]:
     return coefficient
 
 
+@cache
 def spinning(ball: SoccerBall) -> Coefficient:
     r"""Return C_D(Re, Sp) of a ball for Re above 7e4.
 

@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.integrate import DOP853
 
+from kickdyn.core.lanes import inlined
+
 STAGES = DOP853.n_stages
 """Evaluations of a step. Row 0 of the rates is of its beginning, row `STAGES` of its end."""
 
@@ -24,6 +26,17 @@ for _k, _row in enumerate(_TABLE):
 EVENT_MARGIN = 0.03
 """Fraction of a step, at its end, in which an event must lie for its interpolant to be read there:
 its error falls with the square of that fraction."""
+
+
+@inlined
+def first_step(size: float, change: float, longest: float) -> float:
+    r"""Return the length of the first step [s], :math:`(0.01 / d_0)^{1/8}\, d_0 / d_1`.
+
+    The norms d of state and rate are relative to the tolerances. It is the step of Hairer, Norsett
+    & Wanner, Solving Ordinary Differential Equations I, II.4, in any unit of time.
+    """
+    size = max(size, 1.0)
+    return min(size / change * (0.01 / size) ** 0.125, longest) if change > 0.0 else longest
 
 
 def keep_stages(solver: DOP853) -> DOP853:

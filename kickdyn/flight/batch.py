@@ -1,10 +1,10 @@
 """Many flights: the answers of `fly`, one after the other or thousands in machine code."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -52,9 +52,6 @@ from kickdyn.flight.forces import (
 )
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
-
-if TYPE_CHECKING:
-    from kickdyn.flight.march import Flights
 
 TIME_LIMIT = 1000.0
 """Time after which a flight ends if the ball has not come down [s]."""
@@ -127,25 +124,17 @@ def fly_many(
     task = _Task(states, ball, air, launched, time_limit, MARCH.pays(in_python))
     flown = _flown(task, tol)
     outside = _outside(states, flown.nodes, np.flatnonzero(flown.evaluations), ball, air)
-    data = _variables(states, flown, outside)
-    names: list[str] = [FlightStatus.LANDED, FlightStatus.ALOFT, FlightStatus.FAILED]
-    names += [event.name for event in events[1:]]
-    flags: dict[str, Any] = {
-        "long_name": "how the flight ends",
-        "flag_values": np.arange(len(names), dtype=np.int8),
-        "flag_meanings": " ".join(names),
-    }
-    data["status"] = ("flight", flown.status, flags)
+    rows = _rows(states, flown, outside)
     if error:
         finer_tol, longest = refinement(tol, flown.nodes[:, 0], air)
-        finer = _flown(task, finer_tol, longest).nodes
-        meaning = {"units": "m", "long_name": "estimate of the error of the landing point"}
-        data["error"] = ("flight", _errors(states, flown, finer, tol), meaning)
+        errors = _errors(states, flown, _flown(task, finer_tol, longest).nodes, tol)
+        rows.append(("error", errors, "m", "estimate of the error of the landing point"))
     if slopes:
-        data |= _slopes(task, events, tol)
+        rows += _slopes(task, events, tol)
+    names: list[str] = [FlightStatus.LANDED, FlightStatus.ALOFT, FlightStatus.FAILED]
+    names += [event.name for event in events[1:]]
     attributes = {
         "title": "flights of a ball",
-        "source": f"kickdyn {__version__}",
         "ball_mass_kg": ball.mass,
         "ball_radius_m": ball.radius,
         "warnings": "; ".join(ball.warnings),
@@ -153,7 +142,29 @@ def fly_many(
         "ground": "height of each launch" if ground is None else f"{ground.height:g} m",
         "tol": tol,
     }
-    return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
+    return dataset(rows, flown.status, names, attributes)
+
+
+Rows = list[tuple[str, NDArray[Any], str, str]]
+"""Name, values, unit and meaning of each result."""
+
+
+def dataset(
+    rows: Rows, status: NDArray[np.int8], names: Sequence[str], attributes: dict[str, Any]
+) -> xr.Dataset:
+    """Return results of n balls along `flight`, and their status, a flag with a name."""
+    data: dict[str, Any] = {
+        name: (("flight", "axis", "by")[: values.ndim], values, {"units": unit, "long_name": what})
+        for name, values, unit, what in rows
+    }
+    flags = {
+        "long_name": "how the motion ends",
+        "flag_values": np.arange(len(names), dtype=np.int8),
+        "flag_meanings": " ".join(names),
+    }
+    data["status"] = ("flight", status, flags)
+    source = {"source": f"kickdyn {__version__}"}
+    return xr.Dataset(data, {"axis": ["x", "y", "z"]}, source | attributes)
 
 
 def checked_launches(
@@ -230,12 +241,47 @@ _READING = {
 }
 
 
-def marching(ends: Sequence[Event]) -> Callable[..., None]:
-    """Return `march` with the machine code that these events need."""
-    from kickdyn.flight.march import march
+def integrate_many(
+    rates: Any,
+    ends: Sequence[Event],
+    numbers: Array,
+    launch: tuple[Array, Array],
+    scales: Sequence[Any],
+    tol: float,
+    time_limit: float,
+) -> "Flown":
+    """Return n flights by machine code for their rates, such as `compiled_rates`.
 
-    known = count_known(ends)
-    return partial(march, MARCH(), _READING[known < len(ends)](), known=known)
+    The launch is `scene` and `velocity` of `march.Flights`; the scales are absolute tolerances of
+    displacement [m] and velocity [m/s] and the longest step [s], numbers or shape `(n,)`.
+    """
+    from kickdyn.flight.compiling import compiled_ends
+    from kickdyn.flight.march import Flights, march
+
+    n, known = len(numbers), count_known(ends)
+    # the error of a quintic falls with the cube of the distance from its end
+    columns = *scales[:2], tol, scales[2], 0.1 * tol ** (1.0 / 3.0)
+    tolerance = np.column_stack([np.broadcast_to(column, n) for column in columns])
+    inputs = [np.array(x, dtype=float, order="C") for x in (*launch, numbers, tolerance)]
+    results = np.empty((n, 16)), np.empty(n, np.int8), np.zeros(n, np.int64)
+    flights = Flights._make([*inputs, np.empty((n, 8 + 2 * len(ends))), *results])
+    values = compiled_ends(tuple(end.function for end in ends), tuple(end.name for end in ends))
+    code = MARCH(), _READING[known < len(ends)](), rates, values
+    try:
+        march(*code, flights, max(tol, FINEST), time_limit, known)
+    except Exception:  # a coefficient's own: only its rows shall fail
+        for i in range(n):
+            row = Flights._make(array[i : i + 1] for array in flights)
+            try:
+                march(*code, row, max(tol, FINEST), time_limit, known)
+            except Exception:
+                row.nodes[:], row.status[:], row.evaluations[:] = np.nan, FAILED, 0
+    return Flown(*results)
+
+
+def numbers_of(ends: Sequence[Event], n: int) -> Array:
+    """Return the numbers of k events that n flights share or not, shape `(n, 4 k)`."""
+    return np.column_stack([np.broadcast_to(x, n) for end in ends for x in end.numbers])
 
 
 class _Task(NamedTuple):
@@ -249,19 +295,20 @@ class _Task(NamedTuple):
     machine_code: bool
 
 
-class _Flown(NamedTuple):
+class Flown(NamedTuple):
     """Nodes `(n, 16)`, status and evaluations `(n,)` of n flights, as in `march.Flights`."""
 
     nodes: Array
     status: NDArray[np.int8]
     evaluations: NDArray[np.int64]
 
-    def put(self, rows: NDArray[Any], flown: "_Flown") -> None:
+    def put(self, rows: NDArray[Any], flown: "Flown") -> None:
+        """Fill in other flights at some rows."""
         self.nodes[rows], self.status[rows] = flown.nodes, flown.status
         self.evaluations[rows] = flown.evaluations
 
 
-def _flown(task: _Task, tol: float, longest: Array | None = None) -> _Flown:
+def _flown(task: _Task, tol: float, longest: Array | None = None) -> Flown:
     """Return all flights, by closed form or by integration in steps of at most `longest` [s]."""
     states = task.states
     closed = _have_closed_form(states, task.ball, task.air)
@@ -271,7 +318,7 @@ def _flown(task: _Task, tol: float, longest: Array | None = None) -> _Flown:
     n = len(closed)
     if len(integrated) == n:
         return _integrate(task, slice(None), tol, longest)
-    flown = _Flown(np.full((n, 16), np.nan), np.full(n, FAILED, np.int8), np.zeros(n, np.int64))
+    flown = Flown(np.full((n, 16), np.nan), np.full(n, FAILED, np.int8), np.zeros(n, np.int64))
     if closed.any():
         flown.put(closed, _closed_forms(task, closed))
     if len(integrated):
@@ -279,38 +326,30 @@ def _flown(task: _Task, tol: float, longest: Array | None = None) -> _Flown:
     return flown
 
 
-def _slopes(
-    task: _Task, events: Sequence[Event], tol: float
-) -> dict[str, tuple[tuple[str, ...], Array, dict[str, Any]]]:
+def _slopes(task: _Task, events: Sequence[Event], tol: float) -> Rows:
     """Return the derivatives of the landing positions by velocity and spin of the launches."""
     states = task.states
     speed = np.maximum(validation.length(states.velocity), 1e-9)
     spin = np.maximum(validation.length(states.spin), speed / task.ball.radius)
 
-    def moved(changed: BallState) -> Array:
+    def landing(name: str, change: Array) -> Array:
+        changed = replace(states, **{name: getattr(states, name) + change})
         launched = tuple(event.launched(changed) for event in events)
         flown = _flown(task._replace(states=changed, ends=launched), min(tol, DIFFERENCES_TOL))
         return flown.nodes[:, 1:4]
 
-    by_velocity = difference_slopes(
-        lambda change: moved(replace(states, velocity=states.velocity + change)),
-        DIFFERENCE * speed, 3,
-    )  # fmt: skip
-    by_spin = difference_slopes(
-        lambda change: moved(replace(states, spin=states.spin + change)), DIFFERENCE * spin, 3
+    by_velocity, by_spin = (
+        difference_slopes(partial(landing, name), DIFFERENCE * size, 3)
+        for name, size in (("velocity", speed), ("spin", spin))
     )
-    shape, meaning = ("flight", "axis", "by"), "derivative of the landing position by the "
-    return {
-        "landing_by_velocity": (
-            shape,
-            by_velocity,
-            {"units": "s", "long_name": f"{meaning}launch"},
-        ),
-        "landing_by_spin": (shape, by_spin, {"units": "m s", "long_name": f"{meaning}spin"}),
-    }
+    meaning = "derivative of the landing position by the"
+    return [
+        ("landing_by_velocity", by_velocity, "s", f"{meaning} launch"),
+        ("landing_by_spin", by_spin, "m s", f"{meaning} spin"),
+    ]
 
 
-def _errors(states: BallState, flown: _Flown, finer: Array, tol: float) -> Array:
+def _errors(states: BallState, flown: Flown, finer: Array, tol: float) -> Array:
     nodes = flown.nodes
     length = np.abs(nodes[:, [1, 2, 3, 9, 10, 11]]).max(axis=1, initial=0.0)
     late = validation.length(nodes[:, 4:7]) * np.abs(finer[:, 0] - nodes[:, 0])
@@ -335,10 +374,10 @@ def _have_closed_form(states: BallState, ball: Ball, air: Air | None) -> NDArray
     return np.where(spins, is_ballistic(air, np.ones(3)), is_ballistic(air, np.zeros(3)))
 
 
-def _closed_forms(task: _Task, rows: NDArray[np.bool_]) -> _Flown:
+def _closed_forms(task: _Task, rows: NDArray[np.bool_]) -> Flown:
     nodes, reached = fall_to_planes(
         task.states.velocity[rows],
-        _numbers(task)[rows],
+        numbers_of(task.ends, len(rows))[rows],
         downward(task.ball, task.air),
         task.time_limit,
     )
@@ -346,48 +385,45 @@ def _closed_forms(task: _Task, rows: NDArray[np.bool_]) -> _Flown:
     status[reached == len(task.ends)] = ALOFT
     lost = ~np.isfinite(nodes).all(axis=1)
     nodes[lost], status[lost] = np.nan, FAILED
-    return _Flown(nodes, status.astype(np.int8), np.zeros(len(nodes), np.int64))
-
-
-def _numbers(task: _Task) -> Array:
-    n = len(task.states.position)
-    columns = [np.broadcast_to(number, n) for end in task.ends for number in end.numbers]
-    return np.column_stack(columns)
+    return Flown(nodes, status.astype(np.int8), np.zeros(len(nodes), np.int64))
 
 
 def _integrate(
     task: _Task, rows: slice | NDArray[np.intp], tol: float, longest: Array | None
-) -> _Flown:
+) -> Flown:
     if not task.machine_code:
         return _one_by_one(task, np.arange(len(task.states.position))[rows], tol, longest)
-    from kickdyn.flight.compiling import compiled_ends, compiled_rates
-    from kickdyn.flight.march import Flights
+    from kickdyn.flight.compiling import compiled_rates
 
-    ball, ends = task.ball, task.ends
+    states, ball, ends = task.states, task.ball, task.ends
     air = VACUUM if task.air is None else task.air
-    rates = compiled_rates(ball, air)
-    values = compiled_ends(tuple(end.function for end in ends), tuple(end.name for end in ends))
-    flights = _flights(task, air, rows, tol, longest)
-    march, limits = marching(ends), (max(tol, FINEST), task.time_limit)
-    try:
-        march(rates, values, flights, *limits)
-    except Exception:  # a coefficient's own: only its rows shall fail
-        for i in range(len(flights.status)):
-            row = Flights._make(array[i : i + 1] for array in flights)
-            try:
-                march(rates, values, row, *limits)
-            except Exception:
-                row.nodes[:], row.status[:], row.evaluations[:] = np.nan, FAILED, 0
-    landed = flights.status == LANDED
-    flights.nodes[landed, 3] = -flights.numbers[landed, 0]  # by definition; else but for rounding
-    return _Flown(flights.nodes, flights.status, flights.evaluations)
+    drop, height = np.asarray(ends[0].numbers[0]), states.position[:, 2]
+    if callable(air.wind):
+        wind = np.array([_speed(air, z) for z in height.tolist()])
+    else:
+        wind = np.full(len(drop), math.hypot(*air.wind))
+    speed = validation.length(states.velocity)
+    _, length, pace = tolerances(speed, drop, wind, ball, air, tol)
+    decays = _spins(states) & brakes(air, np.ones(3))
+    flown = integrate_many(
+        compiled_rates(ball, air),
+        ends,
+        numbers_of(ends, len(height))[rows],
+        (np.column_stack([height, states.spin, decays])[rows], states.velocity[rows]),
+        (length[rows], pace[rows], math.inf if longest is None else longest[rows]),
+        tol,
+        task.time_limit,
+    )
+    landed = flown.status == LANDED
+    flown.nodes[landed, 3] = -drop[rows][landed]  # by definition; else but for rounding
+    return flown
 
 
-def _one_by_one(task: _Task, rows: NDArray[np.intp], tol: float, longest: Array | None) -> _Flown:
+def _one_by_one(task: _Task, rows: NDArray[np.intp], tol: float, longest: Array | None) -> Flown:
     """Return flights as `fly` computes them."""
     states, air, n = task.states, VACUUM if task.air is None else task.air, len(rows)
     nodes, status = np.full((n, 16), np.nan), np.full(n, FAILED, np.int8)
-    evaluations, numbers = np.zeros(n, np.int64), _numbers(task)
+    evaluations, numbers = np.zeros(n, np.int64), numbers_of(task.ends, len(states.position))
     for i, row in enumerate(rows.tolist()):
         state = BallState.computed(
             states.position[row], states.velocity[row], states.spin[row], 0.0
@@ -397,49 +433,13 @@ def _one_by_one(task: _Task, rows: NDArray[np.intp], tol: float, longest: Array 
         step = None if longest is None else float(longest[i])
         try:
             flown = fly_arc(state, task.ball, air, tol, ends, task.time_limit, step)
-            apex = flown.apex()
         except KickdynError:
             continue
         reached, evaluations[i] = flown.arc.reached, flown.arc.evaluations
-        nodes[i] = np.concatenate([[flown.end[0]], flown.end[1], [apex[0]], apex[1]])
+        nodes[i] = np.hstack([*flown.end, *flown.apex])
         end = -1 if reached is None else ends.index(reached)
         status[i] = ALOFT if end < 0 else LANDED if end == 0 else FURTHER - 1 + end
-    return _Flown(nodes, status, evaluations)
-
-
-def _flights(
-    task: _Task, air: Air, rows: slice | NDArray[np.intp], tol: float, longest: Array | None
-) -> "Flights":
-    from kickdyn.flight.march import Flights
-
-    states, drop = task.states, np.asarray(task.ends[0].numbers[0])
-    decays = _spins(states) & brakes(air, np.ones(3))
-    height = states.position[:, 2]
-    if callable(air.wind):
-        wind = np.array([_speed(air, z) for z in height.tolist()])
-    else:
-        wind = np.full(len(drop), math.hypot(*air.wind))
-    _, length, pace = tolerances(
-        validation.length(states.velocity), drop, wind, task.ball, air, tol
-    )
-    n = len(height)
-    steps = np.full(n, math.inf) if longest is None else longest
-    scene = np.column_stack([height, states.spin, decays])[rows]
-    # the error of a quintic falls with the cube of the distance from its end
-    margin = 0.1 * tol ** (1.0 / 3.0)
-    columns = [length, pace, np.full(n, tol), steps, np.full(n, margin)]
-    tolerance = np.column_stack(columns)[rows]
-    m = len(scene)
-    return Flights(
-        np.ascontiguousarray(scene, dtype=float),
-        np.array(states.velocity[rows], dtype=float, order="C"),
-        np.ascontiguousarray(_numbers(task)[rows], dtype=float),
-        np.ascontiguousarray(tolerance, dtype=float),
-        np.empty((m, 8 + 2 * len(task.ends))),
-        np.empty((m, 16)),
-        np.empty(m, np.int8),
-        np.zeros(m, np.int64),
-    )
+    return Flown(nodes, status, evaluations)
 
 
 def _outside(
@@ -470,12 +470,10 @@ def _speed(air: Air, height: float) -> float:
         return math.nan
 
 
-def _variables(
-    states: BallState, flown: _Flown, outside: NDArray[np.bool_]
-) -> dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]]:
+def _rows(states: BallState, flown: Flown, outside: NDArray[np.bool_]) -> Rows:
     nodes, evaluations = flown.nodes, flown.evaluations
     ended, offset, velocity = nodes[:, 0], nodes[:, 1:4], nodes[:, 4:7]
-    rows: list[tuple[str, NDArray[Any], str, str]] = [
+    return [
         ("range", np.hypot(offset[:, 0], offset[:, 1]), "m", "horizontal distance to the landing"),
         ("duration", ended, "s", "time from launch to landing"),
         ("height", nodes[:, 11], "m", "height of the apex above the launch"),
@@ -487,7 +485,3 @@ def _variables(
         ("evaluations", evaluations, "1", "evaluations of the acceleration"),
         ("outside", outside, "1", "launch, apex or landing is out of a coefficient's range"),
     ]
-    return {
-        name: (("flight", "axis")[: values.ndim], values, {"units": unit, "long_name": meaning})
-        for name, values, unit, meaning in rows
-    }

@@ -1,7 +1,7 @@
 """A ball's equations of motion in machine code, plug-in coefficients included.
 
-numba compiles a Python function only where all it calls is compiled too, and keeps it on the disk
-only under a name that says all it is made of: `fingerprint` makes that name.
+numba compiles a Python function only if all it calls is compiled too. Equations with coefficients
+of kickdyn's own are kept on the disk; a user's functions are compiled in each process.
 """
 
 import builtins
@@ -10,14 +10,13 @@ import hashlib
 import math
 import types
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
 import numba
-import numpy as np
 from llvmlite import ir
 from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic
@@ -26,10 +25,12 @@ from kickdyn.aerodynamics.coefficient_model import (
     CoefficientModel,
     ConstantCoefficient,
     ScaledCoefficient,
+    is_known,
+    name_of,
 )
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.core.compilation import WITHIN, cache_folder, from_cache, log, uncollected
+from kickdyn.core.compilation import WITHIN, cache_folder, compiled, is_on_disk, uncollected
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import NUMBERS, EventFunction
 from kickdyn.flight.forces import Acceleration, Reynolds, acceleration_function, reynolds_number
@@ -53,6 +54,9 @@ X, Y, Z, U, V, W, LEFT = (row * LANES for row in range(7))
 HEIGHT, SPIN_X, SPIN_Y, SPIN_Z, DECAYS = (row * LANES for row in range(5))
 """Rows of a scene: of the launch, the height and the spin; 1 where the spin decays, else 0."""
 
+ALONG_X, ALONG_Y = SPIN_X, SPIN_Y
+"""Rows of the direction at the start, of a ball that rolls."""
+
 _vector = numba.float64[::1]
 SIGNATURE: Any = numba.void(_vector, _vector, _vector)
 """Signature of `side_by_side`'s result, one for every ball and air: one integrator serves all."""
@@ -63,10 +67,8 @@ _ON_DISK = 200
 Callees = Sequence[tuple[Callable[..., Any], Any, str]]
 """Functions, the types of their arguments, and what an error calls them."""
 
-_PLAIN = (int, float, complex, bool, str, bytes, type(None), type(...), types.BuiltinFunctionType)
-
-_compiled: dict[tuple[str, bool], Any] = {}
-
+_acceleration = lru_cache(maxsize=16)(acceleration_function)
+"""The same function for flying and rolling, which is compiled once."""
 
 WRAPPED = (CoefficientModel, ConstantCoefficient, ScaledCoefficient)
 """Types whose `function` is what gets compiled."""
@@ -78,22 +80,15 @@ _LN2_HIGH, _LN2_LOW = 0.693147180369123816490, 1.90821492927058770002e-10
 
 
 @_intrinsic  # type: ignore[untyped-decorator]
-def _bits(typing_context: Any, x: Any) -> Any:
-    return numba.int64(numba.float64), _reread(ir.IntType(64))
-
-
-@_intrinsic  # type: ignore[untyped-decorator]
-def _number(typing_context: Any, x: Any) -> Any:
-    return numba.float64(numba.int64), _reread(ir.DoubleType())
-
-
-def _reread(kind: Any) -> Callable[..., Any]:
-    """Return the generator of code that takes the bits of its argument for another kind."""
+def _power_of_two(typing_context: Any, shifted: Any) -> Any:
+    """Return 2 to the power of a whole number to which `_INTEGER` is added."""
+    whole, real = ir.IntType(64), ir.DoubleType()
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], kind)
+        biased = builder.add(builder.bitcast(arguments[0], whole), whole(1023))
+        return builder.bitcast(builder.shl(biased, whole(52)), real)
 
-    return generate
+    return numba.float64(numba.float64), generate
 
 
 @inlined  # type: ignore[untyped-decorator]
@@ -109,7 +104,7 @@ def exp(x: float) -> float:
     p = 1 / 720 + r * (1 / 5040 + r * p)
     p = 1 / 24 + r * (1 / 120 + r * p)
     p = 1 / 2 + r * (1 / 6 + r * p)
-    p = (1 + r * (1 + r * p)) * _number((_bits(shifted) + 1023) << 52)
+    p = (1 + r * (1 + r * p)) * _power_of_two(shifted)
     p = p if x >= -708.0 else 0.0
     p = p if x <= 709.0 else math.inf
     return p if x == x else x
@@ -134,21 +129,32 @@ def compiled_rates(ball: Ball, air: Air) -> Any:
             object.__setattr__(straight, name, model.branch_free[1])
             bound = max(bound, model.branch_free[0])
     rates = side_by_side(
-        acceleration_function(ball, air),
+        _acceleration(ball, air),
         acceleration_function(ball, straight),
         reynolds_number(ball, air),
         bound,
     )
-    return _from_disk(rates, _callees(air), "the equations of motion of a ball in its air")
+    key = _constants(ball, air)
+    return _from_disk(rates, _callees(air), "the equations of motion of a ball in its air", key)
+
+
+def _constants(ball: Ball, air: Air) -> str | None:
+    """Return what the equations of motion depend on; None with a function of a user's own."""
+    models = air.drag, air.lift, air.torque
+    if callable(air.wind) or not all(model is None or is_known(model) for model in models):
+        return None
+    numbers = ball.mass, ball.radius, ball.inertia, air.density, air.viscosity, air.buoyancy
+    return repr((numbers, air.wind.tolist(), [name_of(model) for model in models]))
 
 
 def _callees(air: Air) -> Callees:
-    """Return the functions of an air."""
+    """Return the functions of a user's own in an air."""
     callees: list[tuple[Any, Any, str]] = []
     for name in ("wind", "drag", "lift", "torque"):
         model = getattr(air, name)
+        known = model is None or (name != "wind" and is_known(model))
         model = model.function if isinstance(model, WRAPPED) else model
-        if callable(model):
+        if callable(model) and not known:
             arguments = (numba.float64,) * (1 if name == "wind" else 2)
             callees.append((model, arguments, f"the air's {name}"))
     return callees
@@ -160,18 +166,20 @@ def compiled_rolling(ball: Ball, air: Air, resistance: float, straight: bool) ->
 
     The resistance of the surface is a deceleration [m/s2].
     """
-    acting, share = acceleration_function(ball, air), rolling_share(ball)
+    acting, share = _acceleration(ball, air), rolling_share(ball)
     acceleration = rolling_acceleration(acting, share, resistance, straight)
 
     def rates(scene: Any, state: Any, rate: Any) -> None:
         for i in range(LANES):
             u, v = state[U + i], state[V + i]
-            ax, ay = acceleration(scene[HEIGHT + i], u, v)
+            ax, ay = acceleration(scene[HEIGHT + i], u, v, scene[ALONG_X + i], scene[ALONG_Y + i])
             rate[X + i], rate[Y + i], rate[Z + i] = u, v, 0.0
             rate[U + i], rate[V + i] = ax, ay
             rate[W + i], rate[LEFT + i] = 0.0, 0.0
 
-    return _from_disk(rates, _callees(air), "the equations of motion of a ball that rolls")
+    key = _constants(ball, air)
+    key = key and f"{key} {resistance!r} {straight}"
+    return _from_disk(rates, _callees(air), "the equations of motion of a ball that rolls", key)
 
 
 @lru_cache(maxsize=16)
@@ -188,7 +196,9 @@ def compiled_ends(functions: tuple[EventFunction, ...], names: tuple[str, ...]) 
     arguments = floats(numba.float64, 7), floats(numba.float64, NUMBERS)
     callees = [(function, arguments, f"the end {name!r}")
                for function, name in zip(functions, names, strict=True)]  # fmt: skip
-    return _from_disk(values, callees, "the events that end a flight")
+    own = all(function.__module__.startswith("kickdyn.") for function in functions)
+    key = repr([function.__qualname__ for function in functions]) if own else None
+    return _from_disk(values, callees, "the events that end a flight", key)
 
 
 def _no_values(numbers: Any, state: Any, value: Any) -> None:
@@ -255,32 +265,39 @@ def side_by_side(
     return rates
 
 
-def _from_disk(function: Callable[..., Any], callees: Callees, what: str) -> Any:
+def _from_disk(function: Callable[..., Any], callees: Callees, what: str, key: str | None) -> Any:
     """Return a function of three vectors as machine code, read from the disk if it is there.
 
-    The log calls it `what`. Its callees are compiled first, so that errors name them.
+    The log calls it `what`. Its callees are compiled first, so that errors name them. It is kept on
+    the disk if a key says which of kickdyn's own functions and constants it is made of.
     """
-    # besides their own functions they are made of `exp`, and of how they are compiled
-    name = fingerprint(function, numba.__version__.encode(), Path(__file__).read_bytes())
     # numba keeps a function by its name and what it closes over: the name says all, and what is
-    # called is left out, so that nothing is compiled where the disk has it
+    # called is left out, so that nothing is compiled if the disk has it
     called: dict[str, Any] = {"__builtins__": builtins, "__name__": __name__}
-    twin = types.FunctionType(_call.__code__, called, f"equations_{name}")
+    digest = hashlib.sha256(_sources() + str(key).encode()).hexdigest()[:32]
+    twin = types.FunctionType(_call.__code__, called, f"equations_{digest}")
     twin.__qualname__ = twin.__name__
-    cached = name is not None and cache_folder(twin) is not None
+    if key is not None and is_on_disk(twin):
+        with suppress(numba.TypingError):  # its files are of no use
+            return compiled(twin, SIGNATURE, what, **OPTIONS)
     with uncollected():
-        if cached:
-            with suppress(numba.TypingError, RuntimeError, OSError):  # it is not on the disk
-                return from_cache(twin, lambda: numba.njit(SIGNATURE, cache=True, **OPTIONS)(twin))
-            log.info("compiling %s", what)
         for callee, arguments, callee_name in callees:
             _compile(callee, arguments, callee_name)
         called["function"] = dispatcher = _compile(function, SIGNATURE, what)
-        if cached:
-            with suppress(RuntimeError, OSError):  # nowhere to keep it
-                dispatcher = numba.njit(SIGNATURE, cache=True, **OPTIONS)(twin)
-                _forget(Path(dispatcher.stats.cache_path))
-        return dispatcher
+    if key is not None:
+        dispatcher = compiled(twin, SIGNATURE, what, **OPTIONS)
+        if folder := cache_folder(twin):
+            _forget(folder)
+    return dispatcher
+
+
+@cache
+def _sources() -> bytes:
+    """Return the contents of all files that equations are made of, and numba's version."""
+    package = Path(__file__).parents[1]
+    files = [path for pattern in ("*.py", "aerodynamics/*.py", "flight/*.py", "core/*.py")
+             for path in sorted(package.glob(pattern))]  # fmt: skip
+    return b"".join([numba.__version__.encode(), *(path.read_bytes() for path in files)])
 
 
 def _call(scene: Any, state: Any, rate: Any) -> None:
@@ -298,12 +315,13 @@ def _forget(folder: Path) -> None:
 def _compile(function: Callable[..., Any], signature: Any, name: str) -> Any:
     """Return a compiled function; an error shows here, under its name."""
     try:
-        dispatcher = _tree(function, SIGNATURE if signature is SIGNATURE else None)
-        if signature is not SIGNATURE:
-            python = dispatcher.py_func
-            more = max(python.__code__.co_argcount - len(signature), 0)  # which have defaults
-            omitted = (python.__defaults__ or ())[-more:] if more else ()
-            dispatcher.compile((*signature, *map(numba.types.Omitted, omitted)))
+        if signature is SIGNATURE:
+            return numba.njit(signature, **OPTIONS)(_twin(function))
+        dispatcher = _callee(function)
+        python = dispatcher.py_func
+        more = max(python.__code__.co_argcount - len(signature), 0)  # which have defaults
+        omitted = (python.__defaults__ or ())[-more:] if more else ()
+        dispatcher.compile((*signature, *map(numba.types.Omitted, omitted)))
     except Exception as error:  # numba has no common base for what it cannot do
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         reasons = [line for line in lines if not line.startswith(("Failed in", "During:", "File "))]
@@ -315,27 +333,22 @@ def _compile(function: Callable[..., Any], signature: Any, name: str) -> Any:
     return dispatcher
 
 
-def _tree(function: Any, signature: Any = None) -> Any:
-    """Return the compiled form of a Python function and of all that it calls.
+@lru_cache(maxsize=200)
+def _callee(function: Any) -> Any:
+    """Return a function that machine code can call."""
+    return function if isinstance(function, Dispatcher) else inlined(_twin(function))
 
-    numba takes the names a function uses as constants, but can call only those among them that
-    are compiled themselves.
-    """
-    if isinstance(function, WRAPPED):
-        function = function.function
-    if isinstance(function, Dispatcher):
-        return function
+
+def _twin(function: Any) -> types.FunctionType:
+    """Return a copy of a Python function for numba, which calls compiled functions only."""
     if not isinstance(function, types.FunctionType):
         raise TypeError(f"a {type(function).__name__} is not a function written in Python")
-    name = fingerprint(function) or uuid.uuid4().hex
-    key = (name, signature is None)
-    if key in _compiled:
-        return _compiled[key]
-    cells = (types.CellType(_known(cell.cell_contents)) for cell in function.__closure__ or ())
-    names = {name: _known(value) for name, value in _used(function).items()}
+    cells = (types.CellType(_compilable(cell.cell_contents)) for cell in function.__closure__ or ())
+    used = _names(function.__code__) & function.__globals__.keys()
     twin = types.FunctionType(
         function.__code__,
-        {"__builtins__": builtins, "__name__": function.__module__, **names},
+        {"__builtins__": builtins, "__name__": function.__module__}
+        | {name: _compilable(function.__globals__[name]) for name in used},
         function.__name__,
         function.__defaults__,
         tuple(cells) or None,
@@ -343,78 +356,17 @@ def _tree(function: Any, signature: Any = None) -> Any:
     twin.__kwdefaults__ = function.__kwdefaults__
     # the linker goes by names: of two that are the same, one of them kept by another process, it
     # would take either
-    twin.__qualname__ = f"{function.__name__}_{name}"
-    dispatcher = inlined(twin) if signature is None else numba.njit(signature, **OPTIONS)(twin)
-    if len(_compiled) >= 200:  # of some 100 kB each
-        _compiled.clear()
-    _compiled[key] = dispatcher
-    return dispatcher
+    twin.__qualname__ = f"{function.__name__}_{uuid.uuid4().hex}"
+    return twin
 
 
-def _known(value: Any) -> Any:
-    """Return a constant as it is, and a function of someone's own compiled."""
+def _compilable(value: Any) -> Any:
+    """Return a constant as it is, and a function of kickdyn's or of a user's own compiled."""
     if value is math:
         return mathematics
+    value = value.function if isinstance(value, WRAPPED) else value
     ours = isinstance(value, types.FunctionType) and not value.__module__.startswith("numpy")
-    return _tree(value) if ours or isinstance(value, WRAPPED) else value
-
-
-def fingerprint(value: Any, *more: bytes) -> str | None:
-    """Return a name that two functions share only if they, and all that they call, do the same.
-
-    Code, defaults and the values of the names that a function uses count. It is None if the
-    function uses what has no plain value: an array, a module of someone's own, a function that is
-    compiled already.
-    """
-    digest = hashlib.sha256()
-    try:
-        for item in (*more, *_contents(value, set())):
-            digest.update(b"%d:" % len(item) + item)
-    except TypeError:
-        return None
-    return digest.hexdigest()[:32]
-
-
-def _contents(value: Any, met: set[int]) -> Iterator[bytes]:
-    """Yield the bytes that a value is made of; raise `TypeError` where there are none."""
-    if isinstance(value, WRAPPED):
-        value = value.function
-    if isinstance(value, types.FunctionType) and not value.__module__.startswith("numpy"):
-        if id(value) in met:  # it calls itself
-            yield value.__qualname__.encode()
-            return
-        met.add(id(value))
-        for item in (
-            value.__code__,
-            value.__defaults__,
-            tuple((value.__kwdefaults__ or {}).items()),
-            tuple(cell.cell_contents for cell in value.__closure__ or ()),
-            tuple(_used(value).items()),
-        ):
-            yield from _contents(item, met)
-    elif isinstance(value, types.CodeType):
-        yield value.co_code
-        names = value.co_names, value.co_varnames, value.co_freevars, value.co_cellvars
-        yield from _contents((*names, value.co_argcount, value.co_flags, value.co_consts), met)
-    elif isinstance(value, tuple | frozenset):
-        ordered = value if isinstance(value, tuple) else sorted(value, key=repr)
-        yield b"%d" % len(ordered)
-        for item in ordered:
-            yield from _contents(item, met)
-    elif isinstance(value, types.FunctionType | np.ufunc) or value is math or value is np:
-        yield f"{getattr(value, '__module__', '')} {value.__name__}".encode()
-    elif isinstance(value, _PLAIN):
-        yield f"{type(value).__name__} {value!r}".encode()
-    else:
-        raise TypeError(f"a {type(value).__name__} has no plain value")
-
-
-def _used(function: types.FunctionType) -> dict[str, Any]:
-    return {
-        name: function.__globals__[name]
-        for name in sorted(_names(function.__code__))
-        if name in function.__globals__
-    }
+    return _callee(value) if ours else value
 
 
 def _names(code: types.CodeType) -> set[str]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
+from kickdyn.core.lanes import inlined
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import FlightStatus
@@ -33,6 +34,9 @@ MOST_CHANGE = 2.0
 
 SHORTEST_TIME, SHORTEST_WAY = 1e-3, 1e-2
 """A function is found to be negative for such a time [s] and along such a way [m]."""
+
+DIFFERENCE = 1e-6
+"""Time over which the function of an event is differentiated, as a fraction of the step."""
 
 MOST_READINGS = 10_000
 """Most readings in a part: a step in a vacuum may take minutes."""
@@ -66,7 +70,6 @@ class Event:
             returns them. That function is called with one launch by `fly`, with n launches by
             `fly_many`, and with the ball after every bounce by `follow`.
         terminal: whether the event ends the flight.
-        ends_step: whether a step of the integration must end at an event that is not terminal.
         within_steps: whether the function is also read within the steps. That of a plane needs not
             be: its values and slopes at the ends of a step suffice.
 
@@ -86,7 +89,6 @@ class Event:
     function: EventFunction
     numbers: Any = ()
     terminal: bool = True
-    ends_step: bool = False
     within_steps: bool = True
 
     def launched(self, launch: BallState) -> "Event":
@@ -190,14 +192,8 @@ def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
 CREST = Event("crest", lambda state, _: state[5], terminal=False, within_steps=False)
 """The ball is as high as it gets before it sinks."""
 
-STEEP_CREST = replace(CREST, ends_step=True)
-"""The crest of a ball that flies straight up. It reverses its drag there, where drag by the square
-of the speed has a jump in its second derivative: the estimate of a step's error may not see it."""
 
-STEEPNESS = 10.0
-"""Upward over horizontal speed of a launch from which the crest is `STEEP_CREST`."""
-
-
+@inlined
 def count_readings(part: float, speed: float) -> int:
     """Return how often a function is read in a part of a step [s], the ball's speed being [m/s]."""
     often = min(part / SHORTEST_TIME, part * speed / SHORTEST_WAY)
@@ -249,3 +245,78 @@ def end_at_launch(events: Sequence[Event], state: Array, rates: Array) -> Event 
             if value < 0.0 or (value == 0.0 and speed < AT_REST):
                 return event
     return None
+
+
+Ends = tuple[float, float, float, float]
+"""Value of the function of an event and its slope times the step, at the beginning of a step and at
+its end."""
+
+
+@inlined
+def backward_cubic(ends: Ends) -> Ends:
+    """Return the coefficients of a cubic from the end of a step back to its beginning."""
+    start, rise, end, last_rise = ends
+    fall = start - end
+    return end, -last_rise, 2.0 * last_rise + rise + 3.0 * fall, -last_rise - rise - 2.0 * fall
+
+
+@inlined
+def on_cubic(cubic: Ends, s: float) -> float:
+    """Return the value of a cubic."""
+    p0, p1, p2, p3 = cubic
+    return p0 + s * (p1 + s * (p2 + s * p3))
+
+
+@inlined
+def cubic_slope(cubic: Ends, s: float) -> float:
+    """Return the derivative of a cubic."""
+    _, p1, p2, p3 = cubic
+    return p1 + s * (2.0 * p2 + s * 3.0 * p3)
+
+
+@inlined
+def find_fall(ends: Ends) -> float:
+    """Return the fraction of a step from a function's fall through zero to the end of the step."""
+    cubic = backward_cubic(ends)
+    low, high, s = 0.0, 1.0, ends[2] / (ends[2] - ends[0])
+    for _ in range(60):
+        value, slope = on_cubic(cubic, s), cubic_slope(cubic, s)
+        if value > 0.0:
+            high = s
+        else:
+            low = s
+        further = s - value / slope if slope != 0.0 else -1.0
+        if not low <= further <= high:
+            further = 0.5 * (low + high)
+        moved, s = abs(further - s), further
+        if moved <= 1e-3 * s or moved < 1e-15:  # and the next one by its square
+            break
+    return s
+
+
+@inlined
+def fall_in_step(ends: Ends, is_crest: bool) -> tuple[float, float]:
+    """Return where the function of an event falls in a step, and how much of it to take anew.
+
+    The first is the fraction of the step that is left after the fall, -1 if there is none; the
+    second is less than 1 if the function may fall and rise within the step. It must rise first if
+    it is zero at the beginning.
+    """
+    start, rise, end, last_rise = ends
+    if start > 0.0 >= end:
+        return find_fall(ends), 1.0
+    if start == 0.0 > end:
+        if rise > 0.0:  # before it falls
+            return -1.0, 0.5 * rise / (rise - end)
+        return -1.0, 0.5 if rise == 0.0 and not is_crest else 1.0
+    if not is_crest and start > 0.0 and end > 0.0:
+        if rise < 0.0 < last_rise:
+            cubic = backward_cubic(ends)
+            _, p1, p2, p3 = cubic
+            s = -p1 / (p2 + math.sqrt(max(p2 * p2 - 3.0 * p1 * p3, 0.0)))  # at the lowest value
+            doubt = 0.05 * (s * (1.0 - s)) ** 2 * (last_rise - rise)
+            if on_cubic(cubic, s) <= doubt and s < 1.0 - 1e-6:  # the end of a step there decides
+                return -1.0, 1.0 - s
+        return -1.0, 1.0
+    comes_and_goes = start * end > 0.0 and start * (start + rise) < 0.0 > end * (end - last_rise)
+    return -1.0, 0.5 if comes_and_goes else 1.0

@@ -54,6 +54,7 @@ class Flight(ReprMixin):
     Attributes:
         ball, air, ground, plane, tol: the arguments of `fly`.
         launch: the ball at the launch, at time 0.
+        apex: the ball at its highest point, as exact as the landing; the launch if it never rises.
         landing: the ball at the end of the flight: on the ground, back at the height of the launch,
             or at the plane.
         status: `landed`; `at-plane`, where the ball reached the plane first; the name of one of
@@ -71,7 +72,7 @@ class Flight(ReprMixin):
     tol: float
     _fly_again: "Callable[..., Flight]" = field(repr=False)
     launch: BallState
-    _find_apex: Callable[[], BallState] = field(repr=False)
+    apex: BallState
     landing: BallState
     status: str
     method: str
@@ -89,11 +90,6 @@ class Flight(ReprMixin):
         yield "landing speed", self.landing.speed, "m/s"
         yield "method", f"{self.method}, {self.evaluations} evaluations", ""
         yield from warned(self.warnings)
-
-    @cached_property
-    def apex(self) -> BallState:
-        """The ball at its highest point, as exact as the landing; the launch if it never rises."""
-        return self._find_apex()
 
     @property
     def duration(self) -> float:

@@ -16,8 +16,6 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.events import (
     CREST,
-    STEEP_CREST,
-    STEEPNESS,
     Event,
     checked_ends,
     distance_to_plane,
@@ -172,7 +170,7 @@ def _closed_form(
         )
     return flown(
         _ball_at(state, 0.0, ballistic(state.velocity, g, np.zeros(1))[0]),
-        lambda: _ball_at(state, float(node[8]), node[9:]),
+        _ball_at(state, float(node[8]), node[9:]),
         _ball_at(state, float(node[0]), node[1:8]),
         FlightStatus.ALOFT if reached is None else reached.name,
         "closed form",
@@ -182,23 +180,12 @@ def _closed_form(
 
 
 class FlownArc(NamedTuple):
-    """An integrated flight: states are those of `FlightEquations`.
-
-    Attributes:
-        arc: the result of `integrate`.
-        begin: states at the launch.
-        end: time [s] and states at the end; on the ground by definition, not but for rounding.
-    """
+    """An integrated flight: states are those of `FlightEquations`."""
 
     arc: Arc
-    begin: Array
-    end: tuple[float, Array]
-
-    def apex(self) -> tuple[float, Array]:
-        """Return time [s] and states at the highest point."""
-        crests = [locate() for _, locate in self.arc.passed]
-        nodes = (0.0, self.begin), self.end, *(c for c in crests if c[0] <= self.arc.end)
-        return max(nodes, key=lambda node: float(node[1][2]))
+    begin: Array  # states at the launch
+    end: tuple[float, Array]  # time [s] and states; on the ground by definition
+    apex: tuple[float, Array]  # time [s] and states at the highest point
 
 
 def fly_arc(
@@ -219,18 +206,13 @@ def fly_arc(
         )
     equations = FlightEquations(state, ball, air)
     wind = _wind_speed(air, float(state.position[2]))
-    # The integrator bounds the root mean square over seven states; those that do not change must
-    # not relax it.
-    tight = tol * math.sqrt(equations.count_changing() / 7)
     drop = ends[0].numbers[0]
-    relative, length, pace = tolerances(speed, drop, wind, ball, air, tight)
-    absolute = np.array([*3 * [length], *3 * [pace], tight])
+    relative, length, pace = tolerances(speed, drop, wind, ball, air, tol)
+    absolute = np.array([*3 * [length], *3 * [pace], tol])
     tolerance = Tolerance(relative, absolute, max_step or math.inf)
     try:
-        vx, vy, vz = state.velocity.tolist()
-        crest = STEEP_CREST if vz > STEEPNESS * math.hypot(vx, vy) else CREST
         start = 0.0, equations.begin
-        arc = integrate(equations.rates, start, [*ends, crest], time_limit, tolerance)
+        arc = integrate(equations.rates, start, [*ends, CREST], time_limit, tolerance)
     except KickdynError as error:
         fault = equations.fault
         if fault is None:
@@ -240,7 +222,9 @@ def fly_arc(
     last = arc.end, arc.state.copy()
     if arc.reached is ends[0]:
         last[1][2] = -drop  # by definition; else but for rounding
-    return FlownArc(arc, equations.begin, last)
+    nodes = (0.0, equations.begin), last, *arc.passed
+    apex = max(nodes, key=lambda node: float(node[1][2]))
+    return FlownArc(arc, equations.begin, last, apex)
 
 
 def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ...]) -> Flight:
@@ -253,7 +237,7 @@ def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ..
     states = trajectory(arc, path.begin)
     return flown(
         _ball_at(state, 0.0, path.begin),
-        lambda: _ball_at(state, *path.apex()),
+        _ball_at(state, *path.apex),
         _ball_at(state, *path.end),
         FlightStatus.ALOFT if arc.reached is None else arc.reached.name,
         f"DOP853, rtol {tol:g}, {effects}",

@@ -2,24 +2,31 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from kickdyn._version import __version__
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.batch import MARCH, checked_launches, landings, marching, seconds_of_fly
+from kickdyn.flight.batch import (
+    MARCH,
+    Flown,
+    Rows,
+    checked_launches,
+    dataset,
+    integrate_many,
+    landings,
+    numbers_of,
+    seconds_of_fly,
+)  # fmt: skip
 from kickdyn.flight.events import (
-    NUMBERS,
     Event,
     checked_ends,
-    distance_to_plane,
     ground_event,
     plane_events,
 )
@@ -34,13 +41,9 @@ from kickdyn.flight.ground_motion import (
     sliding_of,
     surface_of,
     time_to_rest,
-    turned,
 )
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
-
-if TYPE_CHECKING:
-    from kickdyn.flight.march import Flights
 
 _FLYING, _DOWN = -1, -2
 """Statuses of a ball that is in the air, and of one that stays down."""
@@ -103,11 +106,6 @@ def follow_many(
     balls.slide_all()
     balls.roll_all(tol, time_limit)
     return balls.dataset(names)
-
-
-def turned_rows(vectors: Array, cosine: Array, sine: Array) -> Array:
-    """Return n vectors, shape `(n, 2)`, each turned by its angle."""
-    return np.column_stack(turned(vectors[:, 0], vectors[:, 1], cosine, sine))
 
 
 AT_REST, NOT_DOWN, LOST, BOUNCING, BLOWN, FIRST_END = range(6)
@@ -188,49 +186,30 @@ class _Balls:
         rows = np.flatnonzero(self.status == _DOWN)
         if not rows.size:
             return
-        from kickdyn.flight.compiling import compiled_ends, compiled_rolling
-        from kickdyn.flight.march import Flights
+        from kickdyn.flight.compiling import compiled_rolling
 
         begin, n = self.states(rows), len(rows)
         rolling = rolling_of(begin, self.ball, self.air, self.surface)
-        if any(end.function is not distance_to_plane for end in self.ends):
-            rolling = rolling._replace(straight=False)  # they are functions of the world's axes
-        cosine, sine = rolling.direction(begin.velocity).T
-        ends = rolling.slow_event, *self.ends
-        launched = [end.launched(begin) for end in ends]
-        numbers = np.column_stack([np.broadcast_to(x, n) for end in launched for x in end.numbers])
-        for k in range(NUMBERS, numbers.shape[1], NUMBERS):  # the normals of planes
-            numbers[:, k + 1 : k + 3] = turned_rows(numbers[:, k + 1 : k + 3], cosine, -sine)
+        ends = [end.launched(begin) for end in (rolling.slow_event, *self.ends)]
         tol = min(tol, LOOSEST_ROLLING)
-        margin = 0.1 * tol ** (1.0 / 3.0)
-        scales = (tol * np.maximum(size, 1e-300) for size in (rolling.length, rolling.speed))
-        columns = [*scales, *(np.full(n, x) for x in (tol, math.inf, margin))]
-        zeros, ahead = np.zeros((n, 4)), begin.velocity * [1.0, 1.0, 0.0]
-        ahead[:, :2] = turned_rows(ahead[:, :2], cosine, -sine)
-        rolled = Flights(
-            np.column_stack([begin.position[:, 2], zeros]), ahead,
-            np.ascontiguousarray(numbers), np.column_stack(columns),
-            np.empty((n, 8 + 3 * len(ends))), np.empty((n, 16)), np.empty(n, np.int8),
-            np.zeros(n, np.int64),
-        )  # fmt: skip
+        scales = [tol * np.maximum(size, 1e-300) for size in (rolling.length, rolling.speed)]
+        velocity = begin.velocity * [1.0, 1.0, 0.0]
+        scene = np.column_stack([begin.position[:, 2], rolling.direction, np.zeros((n, 2))])
         # as `roll`: those that are slow at once are not integrated
-        rolled.nodes[:], rolled.status[:] = 0.0, LANDED
-        rolled.nodes[:, 4:7] = ahead
+        rolled = Flown(np.zeros((n, 16)), np.full(n, LANDED, np.int8), np.zeros(n, np.int64))
+        rolled.nodes[:, 4:7] = velocity
         moves = np.asarray(rolling.speed > rolling.slowest)
         if moves.any():
-            rates = compiled_rolling(
-                self.ball, rolling.air, self.surface.rolling_deceleration, rolling.straight
-            )
-            functions, names = zip(*((end.function, end.name) for end in ends), strict=True)
-            moving = Flights._make(array[moves] for array in rolled)
-            values = compiled_ends(functions, names)
-            marching(ends)(rates, values, moving, tol, time_limit)
-            rolled.nodes[moves], rolled.status[moves] = moving.nodes, moving.status
-        for k in (1, 4):  # displacement and velocity
-            rolled.nodes[:, k : k + 2] = turned_rows(rolled.nodes[:, k : k + 2], cosine, sine)
+            resistance = self.surface.rolling_deceleration
+            moving = integrate_many(
+                compiled_rolling(self.ball, rolling.air, resistance, rolling.straight),
+                ends, numbers_of(ends, n)[moves], (scene[moves], velocity[moves]),
+                [*(scale[moves] for scale in scales), math.inf], tol, time_limit,
+            )  # fmt: skip
+            rolled.put(moves, moving)
         self._stop(rows, rolled, rolling.wind)
 
-    def _stop(self, rows: NDArray[np.intp], rolled: "Flights", wind: Array) -> None:
+    def _stop(self, rows: NDArray[np.intp], rolled: Flown, wind: Array) -> None:
         """Put in where balls that have become slow rest, and where others end."""
         nodes, status = rolled.nodes, rolled.status
         velocity, slow = nodes[:, 4:7], status == LANDED
@@ -252,27 +231,15 @@ class _Balls:
         """Return the ends as a dataset."""
         lost = self.status == LOST
         offset = self.position - self.launch.position
-        data: dict[str, Any] = {}
-        for name, values, unit, meaning in (
+        rows: Rows = [
             ("position", self.position, "m", "centre of the ball at the end"),
             ("velocity", self.velocity, "m/s", "velocity at the end"),
             ("spin", self.spin, "rad/s", "spin at the end"),
             ("duration", self.time, "s", "time from launch to end"),
             ("distance", np.hypot(offset[:, 0], offset[:, 1]), "m", "horizontal, launch to end"),
-        ):
+        ]
+        for _, values, *_ in rows:
             values[lost] = math.nan
-            data[name] = (("flight", "axis")[: values.ndim], values,
-                          {"units": unit, "long_name": meaning})  # fmt: skip
-        data["bounces"] = ("flight", self.bounces, {"units": "1", "long_name": "bounces"})
-        flags = {
-            "long_name": "how the motion ends",
-            "flag_values": np.arange(len(names), dtype=np.int8),
-            "flag_meanings": " ".join(names),
-        }
-        data["status"] = ("flight", self.status, flags)
-        attributes = {
-            "title": "courses of a ball",
-            "source": f"kickdyn {__version__}",
-            "warnings": "; ".join(self.ball.warnings),
-        }
-        return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
+        rows.append(("bounces", self.bounces, "1", "bounces"))
+        attributes = {"title": "courses of a ball", "warnings": "; ".join(self.ball.warnings)}
+        return dataset(rows, self.status, names, attributes)

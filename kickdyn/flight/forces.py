@@ -224,12 +224,6 @@ class FlightEquations:
             self.fault = fault
             return [vx, vy, vz, math.nan, math.nan, math.nan, math.nan if self._brakes else 0.0]
 
-    def count_changing(self) -> int:
-        """Return the number of the seven states that change after the launch, at least 1."""
-        rates = np.array(self.rates(0.0, self.begin))
-        axes = (self.begin[3:6] != 0.0) | (rates[3:6] != 0.0)
-        return max(2 * int(axes.sum()) + bool(self._brakes), 1)
-
 
 def tolerances(
     speed: ArrayLike, drop: ArrayLike, wind: ArrayLike, ball: Ball, air: Air, tol: float
@@ -250,7 +244,7 @@ def tolerances(
         fastest = np.maximum(speed, np.maximum(wind, fallen))
         fastest = np.maximum(fastest, 1e-100)
         free = fastest * fastest / g
-        slowed = free / drag_length(ball, air)(fastest)
+        slowed = free / _drag_length(fastest, ball, air)
         length = np.where(slowed > 0.0, free * np.log1p(slowed) / np.maximum(slowed, 1e-300), free)
         pace = np.maximum(fastest / np.sqrt(1.0 + slowed), wind)
         displacement, velocity = tol * np.maximum(length, drop), tol * pace
@@ -258,28 +252,23 @@ def tolerances(
     return max(tol, FINEST), np.maximum(displacement, 1e-300), np.maximum(velocity, 1e-300)
 
 
-def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
-    r"""Return a function of speeds: the length in which drag takes most of them [m].
+def _drag_length(speed: Array, ball: Ball, air: Air) -> Array:
+    r"""Return the length in which drag takes most of speeds [m]; infinite without drag.
 
     It is :math:`2 m / (\rho A C_D)`, of the least C_D without spin that the ball meets within three
-    decades as it slows down. Without drag it is infinite.
+    decades as it slows down.
     """
     drag = air.drag
     if drag is None or air.density == 0.0:
-        return lambda speed: np.full(np.shape(speed), math.inf)
+        return np.full(np.shape(speed), math.inf)
     per_speed = 2.0 * ball.radius * air.density / air.viscosity
-    most = 2.0 * ball.mass / (air.density * ball.cross_section)
-    tabulated = is_known(drag)
-
-    def length(speed: Array) -> Array:
-        with np.errstate(divide="ignore", over="ignore"):
-            decade = np.fmin(np.log10(per_speed * np.asarray(speed)), _FARTHEST)  # of nan too
-            step = np.ceil(_PER_DECADE * np.maximum(decade, -_FARTHEST)).astype(int)
-            first, last = int(step.min(initial=0)), int(step.max(initial=0))
-            least = _known_drag(drag, first, last) if tabulated else _least_drag(drag, first, last)
-            return np.asarray(most / least[step - first])
-
-    return length
+    with np.errstate(divide="ignore", over="ignore"):
+        decade = np.fmin(np.log10(per_speed * np.asarray(speed)), _FARTHEST)  # of nan too
+        step = np.ceil(_PER_DECADE * np.maximum(decade, -_FARTHEST)).astype(int)
+        lowest, highest = int(step.min(initial=0)), int(step.max(initial=0))
+        least = (_known_drag if is_known(drag) else _least_drag)(drag, lowest, highest)
+        most = 2.0 * ball.mass / (air.density * ball.cross_section)
+        return np.asarray(most / least[step - lowest])
 
 
 def _least_drag(drag: Coefficient, first: int, last: int) -> Array:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.events import Event, EventFunction
+from kickdyn.flight.events import Event
 from kickdyn.flight.forces import FINEST, VACUUM, Acceleration, acceleration_function, downward
 from kickdyn.flight.integrate import Arc, Tolerance, integrate, trajectory
 from kickdyn.ground import Ground, Surface
@@ -101,21 +101,13 @@ def bounce(state: BallState, ball: Ball, surface: Surface) -> BallState:
 
 
 class Sliding(NamedTuple):
-    """How friction slows one ball that slides, or n of them; vectors of shape `(3,)` or `(n, 3)`.
-
-    Attributes:
-        begin: the ball at the start.
-        velocity: along the ground at the start [m/s].
-        deceleration: of the centre [m/s2].
-        spin_change: rate at which the spin changes [rad/s2].
-        duration: time until the ball rolls [s], a number or shape `(n,)`; 0 where it rolls already.
-    """
+    """How friction slows one ball that slides, or n; vectors of shape `(3,)` or `(n, 3)`."""
 
     begin: BallState
-    velocity: Array
-    deceleration: Array
-    spin_change: Array
-    duration: float | Array
+    velocity: Array  # along the ground at the start [m/s]
+    deceleration: Array  # of the centre [m/s2]
+    spin_change: Array  # rate at which the spin changes [rad/s2]
+    duration: float | Array  # time until the ball rolls [s]; 0 where it rolls already
 
     def sample(self, t: Array) -> BallState:
         """Return one ball at n times `(n,)` since the start, or n balls each at its own time."""
@@ -152,43 +144,24 @@ def sliding_of(state: BallState, ball: Ball, air: Air | None, surface: Surface) 
 
 
 class Rolling(NamedTuple):
-    """How one ball that rolls, or n of them, are slowed by the surface and the air.
+    """How one ball that rolls, or n of them, are slowed by the surface and the air."""
 
-    Attributes:
-        air: the air; `VACUUM` where it does not act.
-        acting: acceleration of a ball in flight by it, see `acceleration_function`.
-        share: part of this acceleration that a ball has which rolls, see `rolling_share`.
-        wind: acceleration of a ball at rest by the wind, shape `(2,)` [m/s2].
-        straight: whether the motion is computed along a first axis of each ball's own direction,
-            which no wind changes.
-        speed: at the start [m/s], a number or shape `(n,)`.
-        slowest: speed from which on all forces are taken to be constant [m/s].
-        length: about how far the ball rolls [m].
-    """
-
-    air: Air
-    acting: Callable[..., tuple[float, float, float, float]]
-    share: float
-    wind: Array
-    straight: bool
-    speed: float | Array
-    slowest: float | Array
-    length: float | Array
-
-    def direction(self, velocity: Array) -> Array:
-        """Return cosine and sine of the angle of the axes in which the motion is computed.
-
-        Shape `(2,)` or `(n, 2)`. It is the direction of the ball if `straight`, else 0.
-        """
-        moves = (np.asarray(self.speed) > 0.0) & self.straight
-        size = np.where(moves, self.speed, 1.0)[..., None]
-        return np.where(moves[..., None], velocity[..., :2] / size, [1.0, 0.0])
+    air: Air  # `VACUUM` where it does not act
+    acting: Acceleration
+    share: float  # of a ball in flight's acceleration, see `rolling_share`
+    wind: Array  # acceleration of a ball at rest by the wind, shape `(2,)` [m/s2]
+    straight: bool  # whether no wind changes the direction of the motion
+    direction: Array  # of the velocity at the start, shape `(2,)` or `(n, 2)`
+    speed: float | Array  # at the start [m/s]
+    slowest: float | Array  # from which on all forces are taken to be constant [m/s]
+    length: float | Array  # about how far the ball rolls [m]
 
     @property
     def slow_event(self) -> Event:
         """The event that the ball has become as slow as `slowest`."""
         excess = _excess_ahead if self.straight else _excess
-        return Event("slow", excess, (self.slowest,), within_steps=False)
+        numbers = self.slowest, self.direction[..., 0], self.direction[..., 1]
+        return Event("slow", excess, numbers, within_steps=False)
 
 
 def _excess(state: Any, numbers: Any) -> Any:
@@ -196,24 +169,27 @@ def _excess(state: Any, numbers: Any) -> Any:
 
 
 def _excess_ahead(state: Any, numbers: Any) -> Any:
-    return state[3] - numbers[0]
+    return numbers[1] * state[3] + numbers[2] * state[4] - numbers[0]
 
 
 def rolling_acceleration(
     acting: Acceleration, share: float, resistance: float, straight: bool
-) -> Callable[[float, float, float], tuple[float, float]]:
-    """Return a function of height and velocity (2): the acceleration of a ball that rolls [m/s2].
+) -> Callable[[float, float, float, float, float], tuple[float, float]]:
+    """Return the acceleration of a ball that rolls [m/s2] as a function that numba can compile.
 
-    Without wind a ball rolls straight ahead. Where `straight` is true, the first axis has its
-    direction, and the function goes on smoothly where the ball comes to rest. numba can compile it.
+    Its arguments are height, velocity (2), and the direction of the velocity at the start (2). If
+    the ball rolls straight, the surface brakes along that direction, so that the function goes on
+    smoothly where the ball comes to rest; else along the velocity.
     """
 
-    def acceleration(z: float, u: float, v: float) -> tuple[float, float]:
+    def acceleration(
+        z: float, u: float, v: float, along_x: float, along_y: float
+    ) -> tuple[float, float]:
         ax, ay, _, _ = acting(z, u, v, 0.0, 0.0, 0.0, 0.0)
-        if straight:
-            return share * ax - resistance, 0.0
-        braking = resistance / math.hypot(u, v)
-        return share * ax - braking * u, share * ay - braking * v
+        if not straight:
+            speed = math.hypot(u, v)
+            along_x, along_y = u / speed, v / speed
+        return share * ax - resistance * along_x, share * ay - resistance * along_y
 
     return acceleration
 
@@ -233,8 +209,12 @@ def rolling_of(state: BallState, ball: Ball, air: Air | None, surface: Surface) 
     with np.errstate(over="ignore"):  # refused by BallState
         length = speed * (speed / (2.0 * surface.rolling_deceleration))
     sizes = speed, 1e-7 * np.maximum(speed, math.hypot(*wind)), length
-    straight = not wind.any()
-    return Rolling(air, acting, share, wind, straight, *(x if x.ndim else float(x) for x in sizes))
+    moves = speed[..., None] > 0.0
+    direction = np.where(
+        moves, state.velocity[..., :2] / np.where(moves, speed[..., None], 1.0), [1, 0]
+    )
+    numbers = (size if size.ndim else float(size) for size in sizes)
+    return Rolling(air, acting, share, wind, not wind.any(), direction, *numbers)
 
 
 def time_to_rest(velocity: Array, wind: Array, resistance: float) -> Array:
@@ -300,31 +280,22 @@ def roll(
     `time_limit`. One of the events in `ends` may end the phase before.
     """
     rolling, resistance = rolling_of(state, ball, air, surface), surface.rolling_deceleration
-    height, (cosine, sine) = float(state.position[2]), rolling.direction(state.velocity).tolist()
+    height, along = float(state.position[2]), rolling.direction.tolist()
     acceleration = rolling_acceleration(rolling.acting, rolling.share, resistance, rolling.straight)
 
     def rates(_: float, moving: Array) -> list[float]:
         u, v = float(moving[3]), float(moving[4])
-        return [u, v, 0.0, *acceleration(height, u, v), 0.0, 0.0]
+        return [u, v, 0.0, *acceleration(height, u, v, *along), 0.0, 0.0]
 
-    def in_world(moving: Any) -> Any:
-        x, y, z, u, v, w, spin = moving
-        return np.array([*turned(x, y, cosine, sine), z, *turned(u, v, cosine, sine), w, spin])
-
-    def of_world(function: EventFunction) -> EventFunction:
-        return lambda moving, numbers: function(in_world(moving), numbers)
-
-    ends = [replace(end, function=of_world(end.function)) for end in ends]
-    velocity = turned(state.velocity[0], state.velocity[1], cosine, -sine)
-    begin = np.array([0.0, 0.0, 0.0, *velocity, 0.0, 1.0])
-    is_slow = rolling.slow_event
+    begin = np.array([0.0, 0.0, 0.0, *state.velocity[:2], 0.0, 1.0])
+    is_slow = rolling.slow_event.launched(state)
     arc = Arc(0.0, begin, is_slow, [], 0, [])
     if rolling.speed > rolling.slowest:
         tol = min(tol, LOOSEST_ROLLING)
         sizes = np.array([*3 * [rolling.length], *3 * [rolling.speed], 1.0])
         tolerance = Tolerance(tol, np.maximum(tol * sizes, 1e-300))
         arc = integrate(rates, (0.0, begin), [is_slow, *ends], time_limit, tolerance)
-    slow_time, slow = arc.end, in_world(arc.state)
+    slow_time, slow = arc.end, arc.state
     duration = slow_time
     remaining = float(time_to_rest(slow[3:5], rolling.wind, resistance))
     blown = arc.reached is None or (arc.reached is is_slow and remaining == math.inf)
@@ -333,7 +304,7 @@ def roll(
     rolled = trajectory(arc, begin)
 
     def states(t: Array) -> BallState:
-        columns = in_world(rolled(np.minimum(t, slow_time)))
+        columns = rolled(np.minimum(t, slow_time))
         late = np.maximum(t - slow_time, 0.0)
         share = 1.0 - late / max(duration - slow_time, 1e-300)  # of the speed
         x, y = columns[:2] + 0.5 * (1.0 + share) * late * slow[3:5, None]
@@ -350,11 +321,6 @@ def roll(
     end = _first(states(np.array([duration])))
     name = None if arc.reached in (None, is_slow) else arc.reached.name
     return GroundPhase(start, end, "roll", states, name, blown, arc.evaluations)
-
-
-def turned(x: Any, y: Any, cosine: Any, sine: Any) -> tuple[Any, Any]:
-    """Return the components of a vector that is turned by an angle, or of n vectors."""
-    return cosine * x - sine * y, sine * x + cosine * y
 
 
 def _first(states: BallState) -> BallState:

@@ -7,18 +7,28 @@ of a step is far more accurate near its end than within it.
 import math
 import operator
 from collections.abc import Callable, Sequence
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853
+from scipy.integrate import DOP853, OdeSolution
 from scipy.optimize import brentq
 
-from kickdyn.core.dop853 import EVENT_MARGIN, keep_stages
+from kickdyn.core.dop853 import EVENT_MARGIN, first_step, keep_stages
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.flight.events import MOST_CHANGE, PARTS, Event, count_readings, end_at_launch
+from kickdyn.flight.events import (
+    DIFFERENCE,
+    MOST_CHANGE,
+    PARTS,
+    Ends,
+    Event,
+    count_readings,
+    end_at_launch,
+    fall_in_step,
+    find_fall,
+)  # fmt: skip
 
 MAX_EVALUATIONS = 100_000
 """Most evaluations of the rates. An explicit method would not come to an end where drag stops the
@@ -27,12 +37,6 @@ ball at once, as in syrup."""
 NEXT_LENGTH = 0.7 / 0.9
 """Length of the next step over that which scipy proposes, 0.9 of what the estimated error allows:
 fewer steps are rejected, and as many evaluations give half the error."""
-
-INNER_FRACTIONS = np.linspace(0.0, 1.0, 10)[1:-1]
-"""Fractions of a step at which the function of an event is read to find where it falls."""
-
-EARLY_FRACTIONS = np.concatenate([0.5 ** np.arange(50.0, 3.0, -1.0), INNER_FRACTIONS])
-"""The same where the function is zero at the beginning of the step."""
 
 TOGETHER = 50
 """States that are computed together where a function is read within a part of a step."""
@@ -58,38 +62,22 @@ Crossing = tuple[float, Array]
 
 
 class Arc(NamedTuple):
-    """A solution from a start to an event, or to the time limit.
+    """A solution from a start to an event, or to the time limit."""
 
-    Attributes:
-        end: time of the event or the limit [s].
-        state: state at the end, shape `(m,)`.
-        reached: the event that ended the integration; None if the time limit did.
-        passed: the events on the way that did not end it, with functions that return time and
-            state; some may be after the end.
-        evaluations: number of evaluations of the rates.
-        steps: the times at which the steps begin, and functions that return their interpolants.
-    """
-
-    end: float
-    state: Array
-    reached: Event | None
-    passed: list[tuple[Event, Callable[[], Crossing]]]
-    evaluations: int
-    steps: list[tuple[float, Callable[[], Callable[[Array], Array]]]]
+    end: float  # time of the event or the limit [s]
+    state: Array  # at the end, shape `(m,)`
+    reached: Event | None  # the event that ended the integration; None if the time limit did
+    passed: list[Crossing]  # the events on the way that did not end it
+    evaluations: int  # of the rates
+    steps: list[Callable[[], Any]]  # functions that return the interpolants of the steps
 
 
 class Tolerance(NamedTuple):
-    """Tolerances of the integration.
+    """Tolerances of the integration."""
 
-    Attributes:
-        relative: of the states; at least 100 times the machine epsilon, as scipy demands.
-        absolute: of each state, shape `(m,)`.
-        longest: longest step [s].
-    """
-
-    relative: float
-    absolute: Array
-    longest: float = math.inf
+    relative: float  # of the states; at least 100 times the machine epsilon, as scipy demands
+    absolute: Array  # of each state, shape `(m,)`
+    longest: float = math.inf  # step [s]
 
 
 def trajectory(arc: Arc, begin: Array) -> Callable[[Array], Array]:
@@ -98,29 +86,17 @@ def trajectory(arc: Arc, begin: Array) -> Callable[[Array], Array]:
     Without any step they are the states at the beginning. The interpolants are computed when they
     are first read.
     """
-    table: tuple[Array, ...] | None = None
+    solution: OdeSolution | None = None
 
     def states(times: Array) -> Array:
-        nonlocal table
+        nonlocal solution
         if not (arc.steps and times.size):
             return np.tile(begin[:, None], (1, times.size))
-        if table is None:
+        if solution is None:
             with np.errstate(over="ignore", invalid="ignore"):
-                steps = [interpolant() for _, interpolant in arc.steps]
-            table = tuple(
-                np.array([getattr(step, name) for step in steps])
-                for name in ("t_old", "h", "y_old", "F")
-            )
-        starts, lengths, before, coefficients = table
-        step = np.maximum(np.searchsorted(starts, times) - 1, 0)
-        x = ((times - starts[step]) / lengths[step])[:, None]
-        states = np.zeros((times.size, len(begin)))
-        # scipy's DopDenseOutput, of all steps at once: one after the other takes as long as the
-        # flight
-        for k in range(coefficients.shape[1]):
-            states += coefficients[step, -1 - k]
-            states *= 1.0 - x if k % 2 else x
-        return np.asarray((states + before[step]).T)
+                steps = [interpolant() for interpolant in arc.steps]
+            solution = OdeSolution([*(step.t_old for step in steps), steps[-1].t], steps)
+        return np.asarray(solution(times))
 
     return states
 
@@ -153,10 +129,6 @@ class _Fall(NamedTuple):
     about: float
 
 
-POSSIBLE_FALL = _Fall(0.0, 0.0, 0.5)
-"""Where a function may fall, but for a step of half the length to tell."""
-
-
 class _Step:
     """The last step of a solver, from a state and rates `before` it."""
 
@@ -166,13 +138,13 @@ class _Step:
         self.solver, self.before, self.begin = solver, before, float(solver.t_old)
         self.rates, self.length = rates, float(solver.t) - self.begin
         solver.f = np.array(solver.f)
-        states = _with_tangents(self.length, before, rates, solver.y, solver.f)
-        self._values = {event: [event.value_or_nan(state) for state in states] for event in events}
+        states = _states_at_ends(self.length, before, rates, solver.y, solver.f)
+        self._ends = {event: _read_ends(event, states) for event in events}
 
     def check_values(self) -> None:
         """Raise `InvalidInput` where the function of an event is not a number after the step."""
-        for event, values in self._values.items():
-            if math.isnan(values[1]):
+        for event, (_, _, end, _) in self._ends.items():
+            if math.isnan(end):
                 event.value(self.solver.y.tolist())
 
     def foresee_fall(self, event: Event, length: float) -> float:
@@ -180,7 +152,7 @@ class _Step:
 
         The acceleration is taken to change as much over time as in this step.
         """
-        before, now, *_ = self._values[event]
+        before, _, now, _ = self._ends[event]
         if not 0.0 < now * self.length < 2.0 * length * (before - now):
             return 1.0
         state, rates = self.solver.y, self.solver.f
@@ -188,11 +160,8 @@ class _Step:
         later = state + length * (rates + 0.5 * change)
         later[:3] = state[:3] + length * (rates[:3] + length * (rates[3:6] / 2 + change[3:6] / 6))
         last_rates = np.concatenate([later[3:6], (rates + change)[3:]])
-        states = _with_tangents(length, state, rates, later, last_rates)
-        start, end, ahead, behind = map(event.value_or_nan, states)
-        if not (start > 0.0 >= end and math.isfinite(ahead + behind)):
-            return 1.0
-        return _fall_of_cubic(start, end, ahead - start, end - behind)
+        ends = _read_ends(event, _states_at_ends(length, state, rates, later, last_rates))
+        return 1.0 - find_fall(ends) if ends[0] > 0.0 >= ends[2] else 1.0
 
     @cached_property
     def interpolant(self) -> Callable[[float | Array], Array]:
@@ -207,7 +176,7 @@ class _Step:
 
     def _read_fall(self, event: Event) -> _Fall | None:
         """Return the first fall of a function by reading it within the step, as `Event` says."""
-        start, end, *_ = self._values[event]
+        start, _, end, _ = self._ends[event]
         values = [start, *map(event.value_or_nan, self._part_states), end]
         most = MOST_CHANGE * max(map(abs, map(operator.sub, values, values[1:])))
         if min(map(operator.add, values, values[1:])) > most:
@@ -235,78 +204,49 @@ class _Step:
                 low, above = high, below
         return None
 
-    def find_fall(self, event: Event) -> _Fall | None:
-        """Return the first fall of an event's function through zero; None if there is none.
-
-        A function that has the same sign at both ends may come and go within the step if it has the
-        other sign at an end of the states' tangents. One that is zero at the beginning must rise
-        first.
-        """
-        start, end, ahead, behind = self._values[event]
+    def find_fall(self, event: Event) -> tuple[_Fall | None, float]:
+        """Return the first fall of an event's function, and how much of the step to take anew."""
         fall = self._read_fall(event) if event.within_steps else None
         if fall is not None:
-            return fall
-        if start > 0.0 >= end:
-            about = start / (start - end)
-            if math.isfinite(ahead + behind):
-                about = _fall_of_cubic(start, end, ahead - start, end - behind)
-            return _Fall(0.0, 1.0, about)
-        starts_at_zero = start == 0.0 > end
-        turns, last_turns = start * ahead < 0.0, end * behind < 0.0
-        if not starts_at_zero and (start * end <= 0.0 or not (turns or last_turns)):
-            return None
-        if turns and last_turns:
-            return POSSIBLE_FALL
-        fractions = EARLY_FRACTIONS if starts_at_zero else INNER_FRACTIONS
-        states = self.interpolant(self.begin + self.length * fractions).T
-        values = [start, *map(event.value_or_nan, states.tolist()), end]
-        for k, (low, high) in enumerate(pairwise([0.0, *fractions.tolist(), 1.0])):
-            above, below = values[k : k + 2]
-            if above > 0.0 >= below:
-                return _Fall(low, high, low + (high - low) * above / (above - below))
-        if starts_at_zero and ahead > 0.0:  # it rises and falls before all of them
-            return _Fall(0.0, float(fractions[0]), 0.5 * float(fractions[0]))
-        return None
+            return fall, 1.0
+        after, again = fall_in_step(self._ends[event], not event.terminal)
+        return _Fall(0.0, 1.0, 1.0 - after) if after >= 0.0 else None, again
 
     def locate(self, event: Event, fall: _Fall) -> Crossing:
         """Return time and states of an event that falls within the step, on the interpolant."""
-        times = [self.begin + fraction * self.length for fraction in fall[:2]]
-        states = {float(self.solver.t): self.solver.y}
+        low, high = (self.begin + fraction * self.length for fraction in fall[:2])
+        high = float(self.solver.t) if fall.high == 1.0 else high
+
+        def state(time: float) -> Array:
+            return self.solver.y if time == self.solver.t else self.interpolant(time)
 
         def value(time: float) -> float:
-            if time not in states:
-                states[time] = self.interpolant(time)
-            return event.value(states[time].tolist())
+            return event.value(state(time).tolist())
 
-        low, high = times[0], float(self.solver.t) if fall.high == 1.0 else times[1]
         estimate = high - 1.0001 * (1.0 - fall.about) * self.length
         low = estimate if estimate > low and value(estimate) > 0.0 else low
-        above, below = value(low), value(high)
-        if not above > 0.0 >= below:  # but for rounding
-            time = high if above > 0.0 else low
-            return time, states[time]
-        precision = max(1e-14 * self.length, 1e-300)
-        time = float(brentq(value, low, high, xtol=precision, rtol=4.0 * EPSILON, disp=False))
-        return time, states[time] if time in states else self.interpolant(time)
+        time, above, below = low, value(low), value(high)
+        if above > 0.0:
+            time = high
+        if above > 0.0 >= below:  # but for rounding
+            precision = max(1e-14 * self.length, 1e-300)
+            time = float(brentq(value, low, high, xtol=precision, rtol=4.0 * EPSILON, disp=False))
+        return time, state(time)
 
 
-def _with_tangents(
+def _states_at_ends(
     length: float, begin: Array, rates: Array, end: Array, last_rates: Array
 ) -> list[list[float]]:
-    """Return the states at both ends of a step, and each end's tangent at the other."""
-    states = begin, end, begin + length * rates, end - length * last_rates
+    """Return the states at both ends of a step, each with those shortly after it."""
+    shortly = DIFFERENCE * length
+    states = begin, begin + shortly * rates, end, end + shortly * last_rates
     return [state.tolist() for state in states]
 
 
-def _fall_of_cubic(start: float, end: float, rise: float, last_rise: float) -> float:
-    """Return the zero between 0 and 1 through which a cubic falls, by values and slopes there."""
-    square = 3.0 * (end - start) - 2.0 * rise - last_rise
-    cube = rise + last_rise - 2.0 * (end - start)
-
-    def value(x: float) -> float:
-        return start + x * (rise + x * (square + x * cube)) if x < 1.0 else end
-
-    return float(brentq(value, 0.0, 1.0, xtol=1e-300, rtol=1e-6, disp=False))
+def _read_ends(event: Event, states: list[list[float]]) -> Ends:
+    """Return value and slope of the function of an event at `_states_at_ends`."""
+    start, ahead, end, beyond = map(event.value_or_nan, states)
+    return start, (ahead - start) / DIFFERENCE, end, (beyond - end) / DIFFERENCE
 
 
 class _Integration:
@@ -325,55 +265,44 @@ class _Integration:
         reached = end_at_launch(self._events, state, rates)
         if reached is not None:
             return Arc(begin, state, reached, [], 0, [])
-        passed: list[tuple[Event, Callable[[], Crossing]]] = []
-        steps: list[tuple[float, Callable[[], Callable[[Array], Array]]]] = []
-        ending = [event for event in self._events if event.terminal or event.ends_step]
-        terminal = [event for event in ending if event.terminal]
+        passed: list[Crossing] = []
+        steps: list[Callable[[], Any]] = []
         solver = self._solver(begin, state, _first_length(state, rates, self._tolerance))
         while solver.status == "running":
-            step, falls = self._step_to(ending, solver)
-            node, solver = (step.begin, step.before, step.length), step.solver
-            steps.append((step.begin, keep_stages(solver).dense_output))
-            passed += [(event, partial(self._locate, event, *node))
-                       for event in falls if not event.terminal]  # fmt: skip
-            crossings = [(*step.locate(event, fall), event)
-                         for event, fall in falls.items() if event.terminal]  # fmt: skip
-            if crossings:
-                end, state, reached = min(crossings, key=lambda crossing: crossing[0])
-                return Arc(end, state, reached, passed, self._evaluations, steps)
+            step, falls = self._step_to(solver)
+            steps.append(keep_stages(solver).dense_output)
+            crossings = [(*step.locate(event, fall), event) for event, fall in falls.items()]
+            for time, state, event in sorted(crossings, key=lambda crossing: crossing[0]):
+                if event.terminal:
+                    return Arc(time, state, event, passed, self._evaluations, steps)
+                passed.append((time, state))
             step.check_values()
             length = min(solver.h_abs, self._time_limit - solver.t)
-            fraction = min((step.foresee_fall(event, length) for event in terminal), default=1.0)
+            foreseen = (step.foresee_fall(event, length) for event in self._events)
+            fraction = min(foreseen, default=1.0)
             if fraction < 1.0 - EVENT_MARGIN:
                 solver.h_abs = (1.0 + 0.5 * EVENT_MARGIN) * fraction * length
         return Arc(float(solver.t), solver.y, None, passed, self._evaluations, steps)
 
-    def _step_to(self, events: Sequence[Event], solver: DOP853) -> tuple[_Step, dict[Event, _Fall]]:
+    def _step_to(self, solver: DOP853) -> tuple[_Step, dict[Event, _Fall]]:
         """Take a step; take it anew until it ends shortly after the first of events within it.
 
         Return the step, and where the functions of all events fall through zero in it.
         """
         while True:
             step = self._take_step(solver)
-            falls = {event: fall for event in self._events if (fall := step.find_fall(event))}
-            possible = [event for event, fall in falls.items() if fall is POSSIBLE_FALL]
-            fraction = min((fall.about for event, fall in falls.items()
-                         if event in events or event in possible), default=1.0)  # fmt: skip
+            found = {event: step.find_fall(event) for event in self._events}
+            falls = {event: fall for event, (fall, _) in found.items() if fall is not None}
+            again = min((doubt for _, doubt in found.values()), default=1.0)
+            about = min((fall.about for fall in falls.values()), default=1.0)
+            if again == 1.0 and about < 1.0 - EVENT_MARGIN:
+                again = (1.0 + 0.5 * EVENT_MARGIN) * about
             shortest = max(100.0 * math.ulp(step.begin), 1e-300)
-            if fraction >= 1.0 - EVENT_MARGIN or step.length <= shortest:
-                return step, {event: falls[event] for event in falls if event not in possible}
-            length = (1.0 + 0.5 * EVENT_MARGIN) * fraction * step.length
+            if again == 1.0 or step.length <= shortest:
+                return step, falls
+            length = again * step.length
             solver.t, solver.y, solver.f = step.begin, step.before, step.rates
             solver.h_abs, solver.status = max(length, shortest), "running"
-
-    def _locate(self, event: Event, begin: float, state: Array, length: float) -> Crossing:
-        solver = self._solver(begin, state, length)
-        with np.errstate(over="ignore", invalid="ignore"):
-            while True:
-                step, falls = self._step_to([event], solver)
-                if event in falls:
-                    return step.locate(event, falls[event])
-                solver = step.solver
 
     def _solver(self, begin: float, state: Array, length: float) -> DOP853:
         relative, absolute, longest = self._tolerance
@@ -399,16 +328,10 @@ class _Integration:
 
 
 def _first_length(state: Array, rates: Array, tolerance: Tolerance) -> float:
-    r"""Return the length of the first step [s], :math:`(0.01 / d_0)^{1/8}\, d_0 / d_1`.
-
-    The norms d of state and rate are relative to the tolerances. It is the step of Hairer, Norsett
-    & Wanner, Solving Ordinary Differential Equations I, II.4, in any unit of time.
-    """
     scale = tolerance.absolute + tolerance.relative * np.abs(state)
     size, change = (math.hypot(*(vector / scale).tolist()) / math.sqrt(len(scale))
                     for vector in (state, rates))  # fmt: skip
-    size = max(size, 1.0)
-    return size / change * (0.01 / size) ** 0.125 if change > 0.0 else math.inf
+    return float(first_step(size, change, math.inf))
 
 
 def _given_up(time: float, reason: str) -> KickdynError:

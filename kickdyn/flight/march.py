@@ -23,11 +23,22 @@ from numpy.typing import NDArray
 
 from kickdyn.core import dop853
 from kickdyn.core.compilation import WITHIN, Source, named
-from kickdyn.core.dop853 import COUNT, STAGES, WEIGHT, WHICH_RATE
+from kickdyn.core.dop853 import COUNT, STAGES, WEIGHT, WHICH_RATE, first_step
 from kickdyn.core.validation import Array
 from kickdyn.flight import compiling, events
 from kickdyn.flight.compiling import LANES, LEFT, OPTIONS, SIGNATURE, SIZE, U, V, W, X, Z
-from kickdyn.flight.events import AT_REST, MOST_CHANGE, NUMBERS, PARTS, count_readings
+from kickdyn.flight.events import (
+    AT_REST,
+    DIFFERENCE,
+    MOST_CHANGE,
+    NUMBERS,
+    PARTS,
+    backward_cubic,
+    count_readings,
+    cubic_slope,
+    fall_in_step,
+    on_cubic,
+)  # fmt: skip
 from kickdyn.flight.flight_result import ALOFT, FAILED, FURTHER, LANDED
 from kickdyn.flight.integrate import MAX_EVALUATIONS, PART_WEIGHTS
 
@@ -35,9 +46,6 @@ STATES = 7
 
 VALUE, SLOPE = range(2)
 """Rows of the function of an event: its value, and its derivative by time."""
-
-DIFFERENCE = 1e-6
-"""Time over which the function of an event is differentiated, as a fraction of the step."""
 
 _named_tuple: Any = numba.types.NamedTuple
 _typeof: Any = numba.typeof
@@ -52,35 +60,20 @@ _OPTIONS: dict[str, Any] = {**OPTIONS, "_nrt": False}
 
 njit: Any = numba.njit(**_OPTIONS, **WITHIN)
 inlined: Any = numba.njit(**_OPTIONS, **WITHIN, forceinline=True)
-_count_readings = inlined(count_readings)
 
 
 class Flights(NamedTuple):
-    """What n flights begin with, and, from `nodes` on, their results.
+    """What n flights begin with, and, from `nodes` on, their results."""
 
-    Attributes:
-        scene: height of the launch [m], spin (3) [rad/s], 1 where it decays or else 0; `(n, 5)`.
-        velocity: at the launch, `(n, 3)` [m/s].
-        numbers: four numbers of each of k events, `(n, 4 k)`.
-        tolerance: absolute tolerances of displacement [m], velocity [m/s] and of the spin over that
-            of the launch, the longest step [s], and the fraction of a step, at its end, in which
-            an event must lie; `(n, 5)`.
-        begin: memory for the rates at the launch, the first step [s], and value and slope
-            of the events' functions, `(n, 8 + 2 k)`.
-        nodes: time and 7 states at the end, then at the apex, `(n, 16)`.
-        status: `LANDED`, `ALOFT`, `FAILED`, or `FURTHER` plus the number of an event after the
-            ground; `(n,)`.
-        evaluations: number of evaluations, `(n,)`.
-    """
-
-    scene: Array
-    velocity: Array
-    numbers: Array
-    tolerance: Array
-    begin: Array
-    nodes: Array
-    status: NDArray[np.int8]
-    evaluations: NDArray[np.int64]
+    scene: Array  # height of the launch [m], spin (3) [rad/s], 1 where it decays, else 0; `(n, 5)`
+    velocity: Array  # at the launch, `(n, 3)` [m/s]
+    numbers: Array  # four of each of k events, `(n, 4 k)`
+    tolerance: Array  # of displacement [m], velocity [m/s], and spin over that of the launch; the
+    # longest step [s]; the fraction of a step, at its end, in which an event must lie; `(n, 5)`
+    begin: Array  # memory: rates at the launch, first step [s], `VALUE` and `SLOPE` of the events
+    nodes: Array  # time [s] and 7 states at the end, then at the apex, `(n, 16)`
+    status: NDArray[np.int8]  # `LANDED`, `ALOFT`, `FAILED`, `FURTHER` plus the number of an event
+    evaluations: NDArray[np.int64]  # `(n,)`
 
 
 LANE = np.dtype([
@@ -107,25 +100,16 @@ LANE = np.dtype([
 
 
 class Measured(NamedTuple):
-    """Functions of the k events of all lanes, one event after the other.
+    """Functions of the k events of all lanes, one event after the other: `k LANES` columns."""
 
-    Attributes:
-        begin, end: value and slope at both ends of the step, `(2, k LANES)`.
-        numbers, copies: the events' numbers, of all lanes and of one flight, `(4 k LANES,)`.
-        value: values at the states `point`, `(k LANES,)`.
-        parts: values at both ends of the step and between its parts.
-        most: greatest change in a part of the step.
-        least: least sum of the values at both ends of a part, one of which is positive.
-    """
-
-    begin: Array
-    end: Array
-    numbers: Array
-    copies: Array
-    value: Array
-    parts: Array
-    most: Array
-    least: Array
+    begin: Array  # `VALUE` and `SLOPE` at the beginning of the step
+    end: Array  # and at its end
+    numbers: Array  # of the events, of all lanes, `(4 k LANES,)`
+    copies: Array  # of the events, of one flight
+    value: Array  # at the states `point`
+    parts: Array  # values at both ends of the step and between its parts
+    most: Array  # greatest change in a part of the step
+    least: Array  # least sum of the values at both ends of a part, one of which is positive
 
 
 def march(
@@ -138,11 +122,9 @@ def march(
     time_limit: float,
     known: int,
 ) -> None:
-    """Fill in nodes, status and evaluations of n flights.
+    """Fill in the results of n flights by the machine code of `source` and `reading_source`.
 
-    `code` is the machine code of `source`, `reading` that of `reading_source`, `rates_of` what
-    `compiled_rates` returns, `values_of` what `compiled_ends` does. The functions of all events but
-    the first `known` ones are also read within the steps.
+    The functions of all events but the first `known` ones are also read within the steps.
     """
     size = flights.numbers.shape[1] * LANES
     lanes, k = np.zeros(1, LANE), size // NUMBERS
@@ -263,8 +245,7 @@ def _first_step(i, lane, rtol, time_limit):
         per = 1.0 / (lane.scale[c] + rtol * abs(lane.state[c]))
         d0 += (lane.state[c] * per) ** 2
         d1 += (lane.rates[0, c] * per) ** 2
-    d0, d1 = max(math.sqrt(d0 / STATES), 1.0), math.sqrt(d1 / STATES)
-    return min(d0 / d1 * (0.01 / d0) ** 0.125, time_limit) if d1 > 0.0 else time_limit
+    return first_step(math.sqrt(d0 / STATES), math.sqrt(d1 / STATES), time_limit)
 
 
 @inlined
@@ -415,44 +396,10 @@ def _ends(i, event, h, lane, measured):
 
 
 @inlined
-def _backward_cubic(ends):
-    """Return the coefficients of a cubic from the end of a step back to its beginning."""
-    start, rise, end, last_rise = ends
-    fall = start - end
-    return end, -last_rise, 2.0 * last_rise + rise + 3.0 * fall, -last_rise - rise - 2.0 * fall
-
-
-@inlined
-def _on_cubic(cubic, s):
-    p0, p1, p2, p3 = cubic
-    return p0 + s * (p1 + s * (p2 + s * p3))
-
-
-@inlined
 def _spin_cubic(i, h, lane):
     """Return the coefficients of the fraction of the spin from the end of a step back."""
     m, last = LEFT + i, lane.rates[STAGES]
-    return _backward_cubic((lane.state[m], h * lane.rates[0, m], lane.new[m], h * last[m]))
-
-
-@inlined
-def _find_fall(ends):
-    """Return the fraction of a step from a function's fall through zero to the end of the step."""
-    p0, p1, p2, p3 = _backward_cubic(ends)
-    low, high, s = 0.0, 1.0, p0 / (p0 - ends[0])
-    for _ in range(60):
-        value = p0 + s * (p1 + s * (p2 + s * p3))
-        if value > 0.0:
-            high = s
-        else:
-            low = s
-        further = s - value / (p1 + s * (2.0 * p2 + s * 3.0 * p3))
-        if not low <= further <= high:
-            further = 0.5 * (low + high)
-        moved, s = abs(further - s), further
-        if moved <= 1e-3 * s or moved < 1e-15:  # and the next one by its square
-            break
-    return s
+    return backward_cubic((lane.state[m], h * lane.rates[0, m], lane.new[m], h * last[m]))
 
 
 @inlined
@@ -463,18 +410,9 @@ def _correct_fall(values_of, i, event, s, h, lane, measured):
     if event != _CREST:
         values_of(measured.numbers, lane.point[:], measured.value)
         value = measured.value[event * LANES + i]
-    _, p1, p2, p3 = _backward_cubic(_ends(i, event, h, lane, measured))
-    corrected = s - value / (p1 + s * (2.0 * p2 + s * 3.0 * p3))
+    cubic = backward_cubic(_ends(i, event, h, lane, measured))
+    corrected = s - value / cubic_slope(cubic, s)
     return corrected if 0.0 < corrected < 1.0 else s
-
-
-@inlined
-def _find_lowest(ends):
-    """Return the fraction of a step after a function's least value, and that value."""
-    cubic = _backward_cubic(ends)
-    _, p1, p2, p3 = cubic
-    s = -p1 / (p2 + math.sqrt(max(p2 * p2 - 3.0 * p1 * p3, 0.0)))
-    return s, _on_cubic(cubic, s)
 
 
 @njit
@@ -518,7 +456,7 @@ def _interpolate(i, s, per, h, lane):
             lane.point[c + j], lane.point[U + c + j] = displacement, velocity / h
     cubic = _spin_cubic(i, h, lane)
     for j in range(LANES):
-        lane.point[LEFT + j] = _on_cubic(cubic, s - j * per)
+        lane.point[LEFT + j] = on_cubic(cubic, s - j * per)
 
 
 @inlined
@@ -533,37 +471,19 @@ def _allowed(i, h, lane, time_limit):
 
 @inlined
 def _first_event(i, h, lane, measured, known):
-    """Return the first event in a step of a lane, and the doubts about events in it.
+    """Return the first event in a step of a lane, and the fraction of the step after it.
 
-    All but the first `known` ones have been read within the step: only the doubts are of them.
-
-    Returns:
-        The number of the event, or `_NO_EVENT`; about which fraction of the step is left after it;
-        the fraction of the step that is to be taken anew, because an event may come and go within
-        it, else 1; whether the function of an event is not a number at the end.
+    All but the first `known` ones have been read within the step. Also returned are how much of the
+    step is to be taken anew (`fall_in_step`), and whether a function is not a number at its end.
     """
     first, before_end, again, unknown = _NO_EVENT, -1.0, 1.0, False
     for event in range(_CREST, measured.begin.shape[1] // LANES):
         ends = _ends(i, event, h, lane, measured)
-        start, rise, end, last_rise = ends
-        unknown |= end != end
-        if start > 0.0 >= end:
-            s = _find_fall(ends) if event < known else -1.0
-            if s > before_end:
-                first, before_end = event, s
-        elif start == 0.0 > end:
-            if rise > 0.0:  # before it falls
-                again = min(again, 0.5 * rise / (rise - end))
-            elif rise == 0.0 and event != _CREST:
-                again = min(again, 0.5)
-        elif event != _CREST and start > 0.0 and end > 0.0:
-            if rise < 0.0 < last_rise:
-                s, lowest = _find_lowest(ends)
-                doubt = 0.05 * (s * (1.0 - s)) ** 2 * (last_rise - rise)
-                if lowest <= doubt and s < 1.0 - 1e-6:  # the end of a step there will decide
-                    again = min(again, 1.0 - s)
-        elif start * end > 0.0 and start * (start + rise) < 0.0 > end * (end - last_rise):
-            again = min(again, 0.5)  # it may come and go within the step
+        unknown |= ends[2] != ends[2]
+        s, doubt = fall_in_step(ends, event == _CREST)
+        again = min(again, doubt)
+        if s > before_end and event < known:
+            first, before_end = event, s
     return first, before_end, again, unknown
 
 
@@ -646,19 +566,16 @@ def _read_within(values_of, lanes, measured, known):
 
 @njit
 def _read_fall(values_of, i, lane, measured, known):
-    """Return which event falls first within a lane's step, by reading, and about where.
+    """Return which event falls first within a lane's step, and the fraction of the step after it.
 
     Every lane of `point` has another state of the flight. A row of `sums` has the last values.
-
-    Returns:
-        The number of the event, or `_NO_EVENT`, and the fraction of the step after it.
     """
     h, last, events = lane.step[i], lane.sums[0], measured.end.shape[1] // LANES
     speed, late_speed = 0.0, 0.0
     for c in range(U + i, LEFT, LANES):
         speed += lane.state[c] ** 2
         late_speed += lane.new[c] ** 2
-    count = _count_readings(h / PARTS, math.sqrt(max(speed, late_speed)))
+    count = count_readings(h / PARTS, math.sqrt(max(speed, late_speed)))
     for c in range(0, len(measured.numbers), LANES):
         for j in range(LANES):
             measured.copies[c + j] = measured.numbers[c + i]

@@ -1,19 +1,19 @@
-"""Functions compiled by numba: their exponential, their names, and where they are kept."""
+"""Functions compiled by numba: their exponential, and where they are kept."""
 
 import math
 import subprocess
 import sys
-import types
 
 import mpmath
 import numba
 import numpy as np
 import pytest
-from tolerances import EPSILON
+from tolerances import EPSILON, integrated
 
+import kickdyn as kd
 from kickdyn.aerodynamics import drag
-from kickdyn.flight import compiling
-from kickdyn.flight.compiling import fingerprint, mathematics
+from kickdyn.flight import batch, compiling
+from kickdyn.flight.compiling import mathematics
 
 
 @numba.njit
@@ -31,60 +31,16 @@ def test_exp_is_right_to_the_last_digits():
     assert mathematics.sin is math.sin
 
 
-LEVEL = 0.2
+MODELS = drag.MODELS
 
 
-def made(level, spare=0.0):
-    def coefficient(reynolds, spin_parameter, power=1.0):
-        return level + math.pow(spin_parameter, power) + abs(spare)
+def made(level, power=1.0):
+    inner = MODELS["brazuca"]
 
-    return coefficient
-
-
-def outer(level):
-    inner = made(level)
-
-    def coefficient(reynolds, spin_parameter):
-        return inner(reynolds, spin_parameter)
+    def coefficient(reynolds, spin_parameter, share=0.5):
+        return level + share * math.pow(inner(reynolds, spin_parameter), power)
 
     return coefficient
-
-
-def by_name(reynolds, spin_parameter):
-    return LEVEL
-
-
-def itself(reynolds, spin_parameter):
-    return itself(reynolds - 1.0, 0.0) if reynolds > 1.0 else 0.0
-
-
-def with_globals(function, **values):
-    return types.FunctionType(function.__code__, {**function.__globals__, **values}, "again")
-
-
-def test_functions_that_do_the_same_share_a_name():
-    assert fingerprint(made(0.2)) == fingerprint(made(0.2))
-    assert fingerprint(outer(0.2)) == fingerprint(outer(0.2))
-    assert fingerprint(itself) == fingerprint(itself)
-    assert fingerprint(by_name) == fingerprint(with_globals(by_name))
-    assert None not in map(fingerprint, drag.MODELS.values())
-
-
-def test_code_defaults_closures_and_globals_count_in_a_name():
-    nearly, quick = made(0.2), made(0.2)
-    nearly.__defaults__, quick.__kwdefaults__ = (1.5,), {"power": 2.0}
-    others = [made(0.2), made(0.2, 1.0), made(0.3), made(1), made(1.0), made(True), nearly, quick,
-              outer(0.2), outer(0.3), by_name, with_globals(by_name, LEVEL=0.3), itself,
-              drag.MODELS["sphere"]]  # fmt: skip
-    names = [fingerprint(each) for each in others] + [fingerprint(by_name, b"other numba")]
-    assert len(set(names)) == len(names)
-
-
-@pytest.mark.parametrize("value", [
-    np.zeros(2), types.ModuleType("settings"), numba.njit(made(0.2)), object(), [1.0]])  # fmt: skip
-def test_a_function_of_a_value_that_may_change_has_no_name(value):
-    assert fingerprint(made(value)) is None
-    assert fingerprint(with_globals(by_name, LEVEL=value)) is None
 
 
 FLIGHTS = """
@@ -98,14 +54,9 @@ MARCH()  # kept where it always is
 MARCH.pays = lambda in_python: True
 numba.config.CACHE_DIR = sys.argv[1]
 
-def model(level):
-    def drag(reynolds, spin_parameter):
-        return level
-    return drag
-
 launch = kd.BallState([[0, 0, 0]], [[20, 1, 9]], [[0, -30, 0]], [0])
 for level in map(float, sys.argv[2:]):
-    air = kd.Air(drag=model(level), lift=None)
+    air = kd.Air(drag=level, lift=None)
     carry = kd.fly_many(launch, kd.Ball(), air).range.values[0]
     hits = sum(compiled_rates(kd.Ball(), air).stats.cache_hits.values())
     print(level, hits, float(carry).hex())
@@ -128,3 +79,12 @@ def test_equations_from_the_disk_are_their_own(tmp_path):
     assert {level: carry for level, (_, carry) in read.items()} == {
         level: carry for level, (_, carry) in compiled.items()}  # fmt: skip
     assert read["0.1"][1] != read["0.3"][1]
+
+
+def test_functions_of_one_name_are_compiled_with_what_each_calls(monkeypatch):
+    monkeypatch.setattr(batch.MARCH, "pays", lambda _: True)
+    launch = kd.BallState(velocity=[(20, 1, 9)])
+    for level in (0.1, 0.3):
+        many = kd.fly_many(launch, kd.Ball(), kd.Air(drag=made(level)))
+        one = kd.fly(kd.BallState(velocity=(20, 1, 9)), kd.Ball(), kd.Air(drag=made(level)))
+        assert float(many.range[0]) == pytest.approx(one.range, rel=integrated(1e-9))

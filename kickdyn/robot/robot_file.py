@@ -274,7 +274,7 @@ class RobotFile:
         folder: the folder of the file, for its meshes.
         source: the file as the caller named it.
         package_dirs: ROS packages, or folders that contain them, for meshes named `package://`.
-        mimics: joints that the file lets move with another, each with a driver that does not.
+        mimics: joints that the file lets move with another, which may itself mimic a third one.
         warnings: a line for each kind of irregularity with which the file was read.
         passive_joints: joints that a file with actuators does not drive; none where that is not
             known.

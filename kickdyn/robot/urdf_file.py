@@ -26,11 +26,10 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
-from numpy.polynomial import Polynomial
 
 from kickdyn.core.files import shipped
 from kickdyn.errors import InvalidInput, UrdfError
-from kickdyn.robot.joint_table import Mimic, resolve_mimics
+from kickdyn.robot.joint_table import Mimic
 from kickdyn.robot.model_validation import ROUNDING, second_moments
 from kickdyn.robot.names import expand_patterns, listed, name_fault
 from kickdyn.robot.robot_file import RobotFile, Shape, Visual, list_folders, read_xml, robot_path
@@ -375,14 +374,15 @@ def _drivers(joints: dict[str, Element]) -> dict[str, str]:
 
 
 def read_mimics(root: Element) -> tuple[Mimic, ...]:
-    """Return the mimic joints, each with a driver that exists and mimics none."""
+    """Return the mimic joints with a driver that exists, which may mimic another one."""
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
-    couplings = {}
+    mimics = []
     for name, driver in _drivers(joints).items():
         (mimic,) = joints[name].findall("mimic")
-        line = [float(mimic.get("offset", 0.0)), float(mimic.get("multiplier", 1.0))]
-        couplings[name] = driver, Polynomial(line)
-    return tuple(mimic for mimic in resolve_mimics(couplings) if mimic.driver in joints)
+        if driver in joints:
+            line = float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))
+            mimics.append(Mimic(name, driver, *line))
+    return tuple(mimics)
 
 
 def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: list[str]) -> None:

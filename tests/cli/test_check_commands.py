@@ -94,6 +94,22 @@ def test_a_robot_that_is_turned_in_its_file_faces_another_axis(axis, yaw, kickdy
     kickdyn("check biped.urdf", code=2 if option else 0)
 
 
+@pytest.mark.parametrize(("axis", "yaw"), [("x", 0), ("y", 90), ("-x", 180), ("-y", -90)])
+def test_the_root_of_an_mjcf_may_be_turned(axis, yaw, written, tmp_path):
+    """The toe that kicks, on the base of the commands, is ahead of the ankle."""
+    file = as_mjcf(written, tmp_path)
+    half = np.radians(yaw / 2)
+    turn = f'name="trunk" quat="{np.cos(half)} 0 0 {np.sin(half)}"'
+    file.write_text(file.read_text("utf-8").replace('name="trunk"', turn), "utf-8")
+    found = kd.check(file)
+    assert {name: value for name, value, _ in found.rows}["faces"] == axis
+    for base in ("fixed", "floating"):
+        leg = kd.Leg.from_mjcf(file, "right_foot", base=base, facing=axis)
+        toe = kd.kick_with(leg, "toe")
+        ahead, *_ = toe.posture(toe.configuration()).contact_point
+        assert ahead > leg.posture(leg.configuration()).contact_point[0] + 0.05
+
+
 def test_a_leg_that_is_turned_in_its_file_faces_another_axis_if_it_is_one(written):
     root = kd.Leg.testbed().model.frames[1].name
     seen = rows(written("leg.urdf", turned("leg_testbed.urdf", root, 90)))
@@ -272,14 +288,19 @@ def test_every_command_that_is_printed_runs(file, kickdyn):
     run_printed(file, kickdyn)
 
 
-@pytest.mark.slow
-def test_the_commands_for_an_mjcf_run(kickdyn, written, tmp_path):
+def as_mjcf(written, tmp_path):
     """The biped, as MuJoCo writes it."""
     settings = '<mujoco><compiler fusestatic="false" discardvisual="false"/></mujoco></robot>'
     text = (ROOT / "urdf" / "biped.urdf").read_text("utf-8").replace("</robot>", settings)
     model = mujoco.MjModel.from_xml_path(str(written("biped.urdf", text)))
     mujoco.mj_saveLastXML(str(tmp_path / "biped.xml"), model)
-    seen = rows(tmp_path / "biped.xml")
+    return tmp_path / "biped.xml"
+
+
+@pytest.mark.slow
+def test_the_commands_for_an_mjcf_run(kickdyn, written, tmp_path):
+    seen = rows(as_mjcf(written, tmp_path))
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "biped.xml"))
     assert seen["mass"][0] == pytest.approx(mujoco.mj_getTotalmass(model))
     assert seen["stands on"][0] == "left_foot"
     run_printed(tmp_path / "biped.xml", kickdyn)

@@ -139,3 +139,9 @@ def test_a_robot_that_faces_another_axis_is_turned(tmp_path, facing, yaw, base):
     ignored = kd.kick_with(kd.Leg.from_urdf(turned, "right_foot", base=base), "toe")
     said = sum("(--facing)" in line for line in ignored.warnings)
     assert said == (0 if facing == "-x" else 2)  # feet apart along x, and longer across
+
+
+@pytest.mark.parametrize("facing", [["x"], {}, np.array(["x", "y"]), None, "z"])
+def test_an_axis_that_no_robot_faces_is_refused(facing):
+    with pytest.raises(kd.InvalidInput, match="facing is"):
+        kd.Leg.from_urdf(shipped_urdf("leg_human.urdf"), facing=facing)

@@ -1,6 +1,7 @@
 """Joints by name: configurations, ranges and limits; mimic joints against a plain reading."""
 
 import math
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -300,3 +301,10 @@ def test_a_mimic_of_a_mimic_has_the_driver_of_that(spoil, load):
     gear = '<mimic joint="knee" multiplier="2" offset="1"/>'
     leg = load(with_gear(spoil).replace("</robot>", END.format("revolute", gear)))
     assert leg.mimics[1] == Mimic("extra", "hip", -1.0, 1.4)  # 2 (-0.5 q + 0.2) + 1
+    plain = load(spoil().replace("</robot>", END.format("revolute", "")), "end")
+    right = plain.posture([0.3, 0.1, 1.2]).with_contact_offset([1, 2, 3])  # 2 * 0.1 + 1
+    for values in ({"knee": 0.1}, {"knee": 0.1, "ex*": 0.0}):
+        locked = replace(leg, frame="end").locked(values)
+        assert locked.joint_names == ("hip",)
+        tip = locked.posture([0.3]).with_contact_offset([1, 2, 3]).contact_point
+        agrees(tip, right.contact_point, closed_form())

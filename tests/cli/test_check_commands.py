@@ -133,8 +133,45 @@ def test_mimic_joints_and_legs_without_a_foot_to_stand_on_say_so(written):
     before, joint, after = text.partition('<joint name="left_knee" type="revolute">')
     after = after.replace('<axis xyz="0 1 0"/>', follows, 1)
     seen = rows(written("mimic.urdf", before + joint + after))
-    assert "moves -0.5 times as left_hip_pitch" in seen["joint left_knee"][0]
+    assert seen["joint left_knee"][0].endswith("moves -0.5 times as left_hip_pitch")
     assert "--lock left_hip_pitch=VALUE" in seen["does not stand on"][0]
+    after = after.replace('multiplier="-0.5"', 'multiplier="-0.5" offset="0.1"')
+    found = kd.check(written("mimic.urdf", before + joint + after.replace("left_hip", "right_hip")))
+    text = next(value for name, value, _ in found.rows if name == "joint left_knee")
+    assert text.endswith("moves -0.5 times as right_hip_pitch from 5.73 deg")
+    assert [command.split()[1] for command in found.commands] == ["posture-sweep"]
+    assert any(
+        "--lock right_hip_pitch=" in value for name, value, _ in found.rows if name == "note"
+    )
+
+
+def test_joints_that_follow_a_polynomial_have_all_its_terms(tmp_path):
+    tie = '<joint joint1="knee" joint2="hip" polycoef="0.1 -1 0.3 -0.2 0.05"/>'
+    shape = 'axis="0 1 0"/><geom size="0.1"/>'
+    foot = f'<body name="foot" pos="0 0 -1"><joint name="knee" {shape}</body>'
+    limb = f'<body name="thigh"><joint name="hip" {shape}{foot}</body>'
+    file = tmp_path / "leg.xml"
+    file.write_text(f"<mujoco><worldbody>{limb}</worldbody><equality>{tie}</equality></mujoco>")
+    text = rows(file)["joint knee"][0]
+    assert "0.1 - 1.0 x + 0.3 x**2 - 0.2 x**3 + 0.05 x**4 in SI units, with x of hip" in text
+
+
+ANKLE = 'lower="-0.3490658503988659" upper="0.8726646259971648"'
+
+
+@pytest.mark.parametrize(("old", "new"), [
+    ('name="hip"', 'name="ns/hip"'), ('xyz="0 1 0"/>', 'xyz="1 0 0"/>'),
+    (ANKLE, 'lower="-0.9" upper="-0.83776"'), (ANKLE, 'lower="0.83776" upper="0.9"'),
+])  # fmt: skip
+def test_the_sweep_that_is_printed_runs(old, new, kickdyn, written):
+    """No dataset has a variable with a slash; legs may move along y only, and never through 0."""
+    text = (ROOT / "urdf" / "leg_testbed.urdf").read_text("utf-8")
+    assert old in text
+    text = text.replace(old, new)
+    text = text.replace("0 -1 0", "1 0 0") if "xyz" in new else text
+    command = kd.check(written("leg.urdf", text)).commands[-1]
+    assert "--joint" in command
+    kickdyn(command.removeprefix("kickdyn "))
 
 
 def test_markers_of_a_c3d_file():

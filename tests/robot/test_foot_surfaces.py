@@ -1,5 +1,7 @@
 """Surfaces of a foot that can meet a ball, of a box by hand and of robots by their meshes."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from tolerances import agrees, closed_form
@@ -107,6 +109,18 @@ def test_a_surface_can_be_given(tmp_path):
             assert inside.tolist() == [True, False], outside
     assert [kicking.frame for kicking in made] == ["side", "surface"]
     assert load_with_surface("foot:inside", load).frame == "inside"
+
+
+@pytest.mark.parametrize("name", ["foot:L2", "foot:toe", "a:b:c"])
+@pytest.mark.parametrize("surface", ["", ":inside", ":0,0.06,0:0,1,0"])
+def test_the_name_of_a_foot_may_have_colons(tmp_path, name, surface):
+    source = Path(box_foot(tmp_path).file.source)
+    plain = load_with_surface(f"foot{surface}", lambda frame: load_leg(str(source), frame))
+    source.write_text(source.read_text().replace('"foot"', f'"{name}"'))
+    leg = load_with_surface(f"{name}{surface}", lambda frame: load_leg(str(source), frame))
+    right, seen = (one.posture(one.configuration()).contact_point for one in (plain, leg))
+    agrees(seen, right, closed_form())
+    assert leg.frame == (plain.frame if surface else name)
 
 
 @pytest.mark.parametrize(("text", "said"), [

@@ -100,9 +100,10 @@ def list_folders(package_dirs: Iterable[str | os.PathLike[str]]) -> tuple[Path, 
 class PackageFiles:
     """Finds files by the names that a robot's file has for them.
 
-    A name is a path relative to the robot's file; an absolute one, with `file://` or without; or
-    `package://NAME/...`, also written `model://NAME/...`. A package is looked up in `package_dirs`,
-    then among the folders that contain the robot's file, then in the folders of ROS.
+    A name is a path relative to the robot's file, else to one of `package_dirs`; an absolute one,
+    with `file://` or without; or `package://NAME/...`, also written `model://NAME/...`. A package
+    is looked up in `package_dirs`, then among the folders that contain the robot's file, then in
+    the folders of ROS.
 
     Args:
         folder: of the robot's file.
@@ -125,7 +126,11 @@ class PackageFiles:
         """
         scheme, mark, path = name.partition("://")
         if not mark:
-            return self._first(name, what, [(folder or self._folder) / name])
+            place = (folder or self._folder) / name
+            ends = [name, os.path.relpath(place, self._folder)]
+            paths = [Path(os.path.normpath(named / end)) for named in self._dirs for end in ends]
+            inside = [p for p in paths if any(p.is_relative_to(named) for named in self._dirs)]
+            return self._first(name, what, [place, *filter(os.path.isfile, inside)])
         if scheme == "file" and path.startswith("/"):
             return self._first(name, what, [Path(unquote(path))])
         if scheme not in ("package", "model"):
@@ -172,7 +177,11 @@ class PackageFiles:
                     "package of the robot's file; package_dirs= or --package-dir names its folder"
                 )
         if not present:
-            raise MissingFile(f"{what} {name!r} is missing from {roots[0]}")
+            place = str(paths[0]).removesuffix(name.rpartition("://")[2]).rstrip("/") or roots[0]
+            raise MissingFile(
+                f"{what} {name!r} is missing from {place}; package_dirs= or --package-dir names "
+                "its folder"
+            )
         return present[0]
 
     def _places(self, package: str) -> list[Path]:

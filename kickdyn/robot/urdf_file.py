@@ -156,7 +156,10 @@ def build_model(text: str, source: str, base: str) -> Any:
     Raises `UrdfError` if Pinocchio refuses it or complains, or if no joint moves.
     """
     check_base(base)
-    root = (pin.JointModelFreeFlyer(),) if base == "floating" else ()
+    joints = {joint.get("name") for joint in ElementTree.fromstring(text).iter("joint")}
+    names = ("root_joint", *(f"root_joint{k}" for k in range(2, len(joints) + 3)))
+    free = next(name for name in names if name not in joints)
+    root = (pin.JointModelFreeFlyer(), free) if base == "floating" else ()
     with _captured_stderr() as lines:
         try:
             model = pin.buildModelFromXML(text, *root)
@@ -352,7 +355,9 @@ def _check_mimics(
                 )
         kind = joints[driver].get("type") if driver in joints else None
         if kind is None:
-            close = get_close_matches(driver[:200], list(joints), 1, 0.7)
+            close = get_close_matches(driver[:200], list(joints), 8, 0.7)
+            sides = [other for other in close if driver in other]  # such as of left and right
+            close = get_close_matches(name, sides, 1, 0.0) or close
             hint = f"did you mean {close[0]!r}? Correct the name" if close else "correct the name"
             faults.append(
                 f"joint {name!r} mimics {driver[:40]!r}, and there is no such joint: {hint}, or "

@@ -15,7 +15,7 @@ from random_urdf import random_urdf
 from tolerances import EPSILON, agrees, closed_form, optimized
 
 import kickdyn as kd
-from kickdyn.robot.joint_table import Mimic
+from kickdyn.robot.joint_table import InDegrees, Mimic
 from kickdyn.robot.standing import kicking_chain
 
 BODY = pin.Inertia(1.0, np.array([0.0, 0.0, -0.25]), np.diag([0.1, 0.1, 0.05]))
@@ -295,6 +295,26 @@ def test_any_joint_of_a_gear_can_be_locked(spoil, tmp_path, driver, kind):
 def test_bad_gears_are_refused_by_name(spoil, load, gear, said):
     with pytest.raises(kd.UrdfError, match=said):
         load(with_gear(spoil, gear))
+
+
+@pytest.mark.parametrize("side", ["Left_", "Right_"])
+def test_a_name_that_is_cut_means_the_joint_of_the_same_side(spoil, load, side):
+    text = with_gear(spoil, '<mimic joint="index_q1"/>').replace('"hip"', '"Left_index_q1"')
+    text = text.replace("</robot>", END.format("revolute", "")).replace(
+        '"extra"', '"Right_index_q1"'
+    )
+    with pytest.raises(kd.UrdfError, match=f"did you mean '{side}index_q1'"):
+        load(text.replace('"knee"', f'"{side}index_q2"'))
+
+
+def test_locked_angles_that_look_like_degrees_are_announced(spoil, load):
+    text = spoil().replace("</robot>", END.format("continuous", ""))
+    for value, is_announced in ((90, True), (1.5, False), (0, False)):
+        leg = load(text).locked({"extra": value})
+        assert any("degrees" in line for line in leg.warnings) == is_announced
+    with pytest.raises(kd.InvalidInput, match="degrees"):
+        load(text).locked({"extra": 90, "knee": 45})
+    assert not any("degrees" in line for line in load(text).locked(InDegrees(extra=900)).warnings)
 
 
 def test_a_mimic_of_a_mimic_has_the_driver_of_that(spoil, load):

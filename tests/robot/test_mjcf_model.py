@@ -297,6 +297,17 @@ def test_settings_that_change_the_mechanics_are_refused(tmp_path, more, said):
         arm(tmp_path, ends, more)
 
 
+def test_a_foot_without_mass_may_be_locked(tmp_path):
+    """The shank then has what it has without the foot; a free foot is refused with a remedy."""
+    foot = '<body name="foot" pos="0 0 -1"><joint name="ankle" axis="0 1 0"/></body>'
+    file = written(tmp_path, ARM.format(BALL + foot))
+    leg = kd.Leg.from_mjcf(file, "foot", locked={"ankle": 0})
+    assert leg.posture([0.3]).inertia == pytest.approx(arm(tmp_path).posture([0.3]).inertia)
+    file = written(tmp_path, ARM.format(BALL + foot))
+    with pytest.raises(kd.MjcfError, match=r"'ankle' moves .*mass 0 kg.*--lock ankle=0"):
+        kd.Leg.from_mjcf(file, "foot")
+
+
 def test_weight_can_be_turned_off(tmp_path):
     for more, weight in (("", -9.81), ('<option><flag gravity="disable"/></option>', 0)):
         assert arm(tmp_path, more=more).model.gravity.linear.tolist() == [0, 0, weight]

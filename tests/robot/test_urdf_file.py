@@ -204,6 +204,17 @@ def test_bodies_that_are_fixed_to_each_other_are_judged_together(spoil, load):
         load(spoil((TOE, LINK.format(1, inertia(1, 1, 3)))))
 
 
+def test_a_joint_may_have_the_name_of_the_base(spoil, tmp_path):
+    path = tmp_path / "leg.urdf"
+    base = f'<link name="base"><inertial><mass value="9"/>{inertia(1, 1, 1)}</inertial></link>'
+    edits = ('<link name="base"/>', base), ('name="knee"', 'name="root_joint"')
+    path.write_text(spoil(*edits))
+    leg = kd.Leg.from_urdf(path, base="floating")
+    assert leg.joint_names == ("root_joint2", "hip", "root_joint")
+    assert leg.joint_range("root_joint") == (0, 2.5)
+    assert not kd.check(path).problems
+
+
 def test_joints_may_be_locked_before_inertias_are_judged(spoil, tmp_path):
     path = tmp_path / "leg.urdf"
     (shank,) = SHANK_INERTIAL.findall(spoil())

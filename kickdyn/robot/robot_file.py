@@ -130,7 +130,9 @@ class PackageFiles:
             ends = [name, os.path.relpath(place, self._folder)]
             paths = [Path(os.path.normpath(named / end)) for named in self._dirs for end in ends]
             inside = [p for p in paths if any(p.is_relative_to(named) for named in self._dirs)]
-            return self._first(name, what, [place, *filter(os.path.isfile, inside)])
+            # any text may be a name
+            present = [path for path in (place, *inside) if os.path.isfile(path)]  # noqa: PTH113
+            return self._first(name, what, present or [place])
         if scheme == "file" and path.startswith("/"):
             return self._first(name, what, [Path(unquote(path))])
         if scheme not in ("package", "model"):

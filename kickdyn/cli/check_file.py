@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.polynomial import Polynomial
 
 from kickdyn.ball import Ball
 from kickdyn.core import validation
@@ -233,10 +234,19 @@ def _check_robot(found: _Found) -> None:
     swept, page = _swept(leg), ["--view", "kick.html"]
     if loops or leg.loops:
         found.add("note", "kicks are planned for legs without loops only")
+    elif mimics := [m for m in leg.mimics if {m.joint, m.driver} & _limb(leg)]:
+        remedy = f"--lock {mimics[0].driver}=VALUE locks {mimics[0].joint} too"
+        found.add("note", f"kicks are planned without mimic joints in the kicking limb: {remedy}")
     else:
         found.propose("plan", *options, *support, "--distance", "1", "--time", "0.4", *page)
         found.propose("reach", *options, *support, "--elevation", "20", "--tolerance", "0.2")
-    found.propose("posture-sweep", *options, *swept, *page)
+    if swept:
+        found.propose("posture-sweep", *options, *swept, *page)
+
+
+def _limb(leg: Leg) -> set[str]:
+    """Return the names of the joints that move the contact frame."""
+    return {leg.joint_names[joint - 1] for joint in leg.model.supports[leg.contact_joint] if joint}
 
 
 def _read_robot(found: _Found) -> tuple[RobotFile, Any]:
@@ -279,7 +289,12 @@ def _add_joints(found: _Found, leg: Leg) -> None:
         text += f", {effort:.4g} {'N' if slides else 'N m'}" if effort < math.inf else ""
         text += f", {speed:.4g} {'m/s' if slides else 'rad/s'}" if speed < math.inf else ""
         if name in driven:
-            text += f", moves {driven[name].multiplier:.4g} times as {driven[name].driver}"
+            _, driver, multiplier, offset, higher = driven[name]
+            text += f", moves {multiplier:.4g} times as {driver}" if not higher else ""
+            text += f" from {scale * offset:.4g} {unit}" if offset and not higher else ""
+            with np.printoptions(precision=4):
+                series = f"{Polynomial([offset, multiplier, *higher]):ascii}"
+            text += f", is {series} in SI units, with x of {driver}" if higher else ""
         found.add(f"joint {name}", text)
 
 
@@ -321,9 +336,12 @@ def _check_meshes(found: _Found, leg: Leg) -> None:
 def _swept(leg: Leg) -> list[str]:
     """Return ranges of the two joints that move the foot fastest along x, for a posture sweep.
 
-    Other joints are at 0, or where their range comes nearest to it.
+    If none moves it along x, they move it fastest. Other joints are at 0, or where their range
+    comes nearest to it. There are none if no joint can be swept.
     """
-    speeds = np.abs(leg.posture(leg.configuration()).jacobian[0])
+    jacobian = leg.posture(leg.configuration()).jacobian
+    along = np.abs(jacobian[0])
+    speeds = along if along.max() > 1e-9 else np.linalg.norm(jacobian, axis=0)
     ranges, values = dict[str, float](), list[str]()
     for name in leg.single_joints:
         scale = math.degrees(1.0) if (turns := leg.joint_unit(name) == "rad") else 1.0
@@ -331,14 +349,17 @@ def _swept(leg: Leg) -> list[str]:
         low, high = (math.ceil(max(ends[0], -SWEPT)), math.floor(min(ends[1], SWEPT)))
         if name in {mimic.joint for mimic in leg.mimics}:
             continue
-        if turns and low < high and speeds[leg.velocity_index(name)]:
+        # a name in a dataset has no "/"
+        if turns and "/" not in name and low < high and speeds[leg.velocity_index(name)]:
             ranges[name] = float(speeds[leg.velocity_index(name)])
             values.append(f"{name}={low}:{high}:10")
         if not ends[0] <= 0.0 <= ends[1]:
-            values.append(f"{name}={min(ends, key=abs):g}")
+            nearest = float(min(ends, key=abs))
+            inside = math.ceil if nearest > 0.0 else math.floor  # rounded into the range
+            values.append(f"{name}={inside(1e4 * nearest) / 1e4:.10g}")
     fastest = sorted(ranges, key=lambda name: -ranges[name])[:2]
     chosen = [text for text in values if (":" in text) == (text.rpartition("=")[0] in fastest)]
-    return [word for text in chosen for word in ("--joint", text)]
+    return [word for text in chosen for word in ("--joint", text)] if fastest else []
 
 
 def _check_markers(found: _Found) -> None:

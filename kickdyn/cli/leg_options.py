@@ -174,8 +174,10 @@ class LegOptions:
             )  # fmt: skip
         except InvalidInput:
             if supports:  # a support that the leg has not explains more than a floating base
-                frame = (self.frame or "").partition(":")[0] or None
-                fixed = load_leg(self.leg_name, frame, "fixed", self.package_dirs, locked)
+                fixed = load_with_surface(
+                    self.frame,
+                    partial(load_leg, self.leg_name, package_dirs=self.package_dirs, locked=locked),
+                )
                 for support in supports:
                     frame_id(fixed.model, support.frame)
             raise
@@ -215,7 +217,10 @@ class LegOptions:
             if text.endswith(".toml"):
                 supports.append(read_support(read_toml(text)))
                 continue
-            frame, *values = text.split(":")
+            words = text.split(":")  # the first one after the frame's that is a number, or empty
+            starts = [k for k, word in enumerate(words) if k and not word.strip("+-.0123456789e")]
+            end = starts[0] if starts else 1
+            frame, values = ":".join(words[:end]), words[end:]
             try:
                 friction = float(values[0]) if values and values[0] else None
                 sole = None

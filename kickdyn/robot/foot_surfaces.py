@@ -5,6 +5,7 @@ Robots by name have theirs in `catalog`; other feet get theirs from their shapes
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 import pinocchio as pin
@@ -167,9 +168,24 @@ def _size(hull: ConvexHull, normal: Array) -> Array:
 
 
 def load_with_surface(frame: str | None, load: Callable[[str | None], Leg]) -> Leg:
-    """Return the leg that `load` returns for FRAME, FRAME:SURFACE or FRAME:X,Y,Z:NX,NY,NZ."""
-    name, _, text = (frame or "").partition(":")
-    leg = load(name or frame)
+    """Return the leg that `load` returns for FRAME, FRAME:SURFACE or FRAME:X,Y,Z:NX,NY,NZ.
+
+    Names of frames may contain colons; the longest one that exists counts.
+    """
+    names = list(accumulate((frame or "").split(":"), "{}:{}".format))
+    faults = []
+    for name in names:
+        try:
+            leg = load(name or frame)
+            break
+        except InvalidInput as error:
+            faults.append(error)
+    else:
+        raise faults[0]
+    longest = [longer for longer in names if longer in frames_by_name(leg.workspace.model)][-1:]
+    if longest and longest != [name]:
+        name, leg = longest[0], load(longest[0])
+    text = (frame or "").removeprefix(name).removeprefix(":")
     if not text:
         return leg
     if text in SURFACES:

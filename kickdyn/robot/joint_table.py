@@ -1,9 +1,9 @@
 """Joints by name: ranges, units, warnings of limits, mimic joints, and configurations."""
 
 import math
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pinocchio as pin
@@ -43,30 +43,35 @@ class Mimic(NamedTuple):
     offset: float
     higher: tuple[float, ...] = ()
 
+    @classmethod
+    def of(cls, joint: str, driver: str, polynomial: Polynomial) -> Self:
+        """Return the joint that follows a driver by a polynomial of its q."""
+        coefficients = np.trim_zeros(polynomial.coef, "b").tolist()
+        offset, multiplier, *higher = coefficients + [0.0] * (2 - len(coefficients))
+        return cls(joint, driver, multiplier, offset, tuple(higher))
+
     def value(self, x: Any, order: int = 0) -> Any:
         """Return q at values x of the driver, or its derivative of an order by x."""
         coefficients = np.array([self.offset, self.multiplier, *self.higher])
         return polyval(x, polyder(coefficients, order))
 
 
-def resolve_mimics(couplings: Mapping[str, tuple[str, Polynomial]]) -> tuple[Mimic, ...]:
-    """Return the mimic joints of joints that follow a driver by a polynomial of its q.
+def resolve_mimics(mimics: Iterable[Mimic]) -> tuple[Mimic, ...]:
+    """Return mimic joints of which each has a driver that mimics none.
 
-    Each gets a driver that mimics none. Raises `InvalidInput` for joints that mimic each other.
+    Raises `InvalidInput` for joints that mimic each other.
     """
-    mimics = []
-    for joint, (driver, polynomial) in couplings.items():
-        passed = {joint}
+    resolved, couplings = [], {mimic.joint: mimic for mimic in mimics}
+    for joint, (_, driver, *line, higher) in couplings.items():
+        polynomial, passed = Polynomial([*line[::-1], *higher]), {joint}
         while driver in couplings:
             if driver in passed:
                 raise InvalidInput(f"joints {', '.join(sorted(passed))} mimic each other in a loop")
             passed.add(driver)
-            driver, of_driver = couplings[driver]
-            polynomial = polynomial(of_driver)
-        coefficients = np.trim_zeros(polynomial.coef, "b").tolist()
-        offset, multiplier, *higher = coefficients + [0.0] * (2 - len(coefficients))
-        mimics.append(Mimic(joint, driver, multiplier, offset, tuple(higher)))
-    return tuple(mimics)
+            _, driver, *line, higher = couplings[driver]
+            polynomial = polynomial(Polynomial([*line[::-1], *higher]))
+        resolved.append(Mimic.of(joint, driver, polynomial))
+    return tuple(resolved)
 
 
 class Gears:
@@ -139,7 +144,7 @@ class JointTable:
     def mimics(self) -> tuple[Mimic, ...]:
         """Joints that move with another one, as the file says; the model has both or none."""
         names, present = set(self.joint_names), list[Mimic]()
-        for mimic in () if self.file is None else self.file.mimics:
+        for mimic in resolve_mimics(() if self.file is None else self.file.mimics):
             if mimic.joint in names and mimic.driver in names:
                 present.append(mimic)
             elif mimic.joint in names or mimic.driver in names:
@@ -365,8 +370,10 @@ class JointTable:
     def _values_to_lock(self, wanted: Mapping[str, float]) -> dict[str, float]:
         """Return the values of the joints that `wanted` names or matches [rad; m if prismatic]."""
         values = self.expand_joint_names(wanted)
-        for mimic in self.mimics:
-            if mimic.driver in values and mimic.joint not in wanted:
+        named = [*values]
+        direct = () if self.file is None else self.file.mimics
+        for mimic in (*self.mimics, *direct):
+            if mimic.driver in named and mimic.joint not in wanted:
                 values.pop(mimic.joint, None)
         if not isinstance(wanted, InDegrees):
             return values

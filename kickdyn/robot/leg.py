@@ -190,8 +190,9 @@ class Leg(LegModel, ReprMixin):
                 root, such as objects of a scene, are left out; `Leg.warnings` names them.
             base: `fixed`, the root body welded to the world where the file places it, or
                 `floating`: then the first joint is the file's free joint, or `root_joint` if it has
-                none, as for `from_urdf`. Of other joints, q is MuJoCo's `qpos`, with quaternions
-                in the order xyzw.
+                none, as for `from_urdf`; at its neutral q, the root body is at the origin, turned
+                as in the file. Of other joints, q is MuJoCo's `qpos`, with quaternions in the order
+                xyzw.
             locked: joints to lock at their values, as for `from_urdf`.
             package_dirs: further folders from which included files and meshes are read.
             drives: rotors and limits instead of the file's, as for `with_drives`; False
@@ -220,7 +221,7 @@ class Leg(LegModel, ReprMixin):
     ) -> "Leg":
         """Return the leg of the model of a file, with a warning if it seems not to face x."""
         axes = {"x": 0.0, "y": 0.5 * math.pi, "-x": math.pi, "-y": -0.5 * math.pi}
-        if facing not in axes:
+        if not isinstance(facing, str) or facing not in axes:
             raise InvalidInput(f"facing is {facing!r}: it must be {', '.join(axes)}")
         if facing != "x":
             model = turn_body(model, 0, np.round(pin.utils.rotate("z", -axes[facing])))

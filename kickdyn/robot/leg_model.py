@@ -18,7 +18,7 @@ from kickdyn.core.files import read_toml, shipped
 from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import FaultyFile, InvalidInput
 from kickdyn.robot.constraints import Constraints, Support
-from kickdyn.robot.joint_table import JointTable
+from kickdyn.robot.joint_table import DEGREES, InDegrees, JointTable
 from kickdyn.robot.model_validation import check_is_model, frame_id
 from kickdyn.robot.names import listed
 from kickdyn.robot.robot_file import RobotFile
@@ -286,9 +286,14 @@ class LegModel(JointTable):
             mimics = tuple(mimic for mimic in self.file.mimics if mimic.joint not in values)
             leg = replace(self, file=replace(self.file, mimics=mimics))
         q = leg.configuration(values)
+        turned = [x for joint, x in values.items() if x and leg.joint_unit(joint) == "rad"]
+        wide = min(map(abs, turned), default=0.0) > math.tau and not isinstance(joints, InDegrees)
         for line in leg.outside_range(q):
             if any(line.startswith(f"{joint} at ") for joint in values):
-                raise InvalidInput(f"{line}: it cannot be locked there")
+                hint = f"; {DEGREES}" if wide else ""
+                raise InvalidInput(f"{line}: it cannot be locked there{hint}")
+        if wide:
+            leg = leg.with_warnings(f"of locked joints, {DEGREES}")
         fixed = {*values, *(mimic.joint for mimic in leg.mimics if mimic.driver in values)}
         if len(fixed) == len(self.joint_names):
             raise InvalidInput(f"all joints of {self.name} are locked: a kick must move one")

@@ -34,6 +34,9 @@ from kickdyn.robot.urdf_file import MAX_MOVING_JOINTS
 MAX_ELEMENTS = 100_000
 """XML elements of a model, copies by `<replicate>` included: MuJoCo compiles them in seconds."""
 
+LEAST_MASS = 2e-15
+"""Mass [kg] and moments [kg m2] with which MuJoCo takes a body without mass; 0 again after that."""
+
 MESHES = (".stl", ".obj", ".msh")
 """Endings of the mesh files that MuJoCo reads."""
 
@@ -97,6 +100,8 @@ class MjcfFile(RobotFile):
             reason = " ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")[:300]
             line = f"MuJoCo refuses its bodies, joints, tendons and actuators: {reason}"
             raise MjcfError(self.source, [line]) from None
+        for array in (model.body_mass, model.body_inertia):
+            array[array <= LEAST_MASS] = 0.0
         if model.njnt > MAX_MOVING_JOINTS:
             line = f"has {model.njnt} joints: at most {MAX_MOVING_JOINTS} are read"
             raise MjcfError(self.source, [line])
@@ -312,6 +317,9 @@ def _keep_mechanics(root: Element) -> None:
         compiler.attrib.pop("texturedir", None)
     # at the end: it holds for the whole model; bodies and geoms keep their names
     fixed = {"fusestatic": "false", "discardvisual": "false", "usethread": "false"}
+    for key in ("boundmass", "boundinertia"):  # bodies without mass are judged after joints lock
+        if not any(key in compiler.attrib for compiler in root.iter("compiler")):
+            fixed[key] = repr(LEAST_MASS)
     root.append(Element("compiler", fixed))
 
 

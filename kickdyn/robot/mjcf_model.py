@@ -17,7 +17,7 @@ from numpy.polynomial import Polynomial
 
 from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.joint_table import resolve_mimics
+from kickdyn.robot.joint_table import Mimic, resolve_mimics
 from kickdyn.robot.mjcf_file import MjcfFile, body_name, find_body, mujoco_pose
 from kickdyn.robot.model_validation import MAX_MAGNITUDE
 from kickdyn.robot.names import expand_patterns, listed
@@ -60,7 +60,7 @@ def build_mjcf_model(
         passive = set(range(compiled.njnt)).difference(compiled.actuator_trnid[:, 0].tolist())
     read = replace(
         file,
-        mimics=builder.mimics,
+        mimics=tuple(builder.mimics),
         warnings=(warning,) if left_out else (),
         passive_joints=tuple(compiled.joint(joint).name for joint in sorted(passive)),
     )
@@ -104,9 +104,9 @@ class _Builder:
         self.locked = expand_patterns(dict.fromkeys(locked, 0.0), sorted(self.taken))
         self._check_one_base()
         self.loops: list[tuple[str, str]] = []
-        self._couplings: dict[str, tuple[str, Polynomial]] = {}
+        self.mimics: list[Mimic] = []
         self._add_constraints()
-        self.mimics = resolve_mimics(self._couplings)
+        resolve_mimics(self.mimics)  # refuses joints that mimic each other
 
     def _place(self, joint: int, position: Array, rotation: Array) -> Any:
         """Return a pose in the world as seen from a joint."""
@@ -142,9 +142,10 @@ class _Builder:
         numbers = range(index, index + int(compiled.body_jntnum[body]))
         kinds = [int(compiled.jnt_type[number]) for number in numbers]
         if self.base == "floating" and not compiled.body_parentid[body]:
-            base = pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint"
             theirs = index if FREE in kinds else -1
             start = mujoco_pose(compiled.body_pos[body], compiled.body_quat[body])
+            turn = pin.SE3(start.rotation, np.zeros(3))  # at q = 0, it is turned as in the file
+            base = pin.JointModelFreeFlyer(), turn, "root_joint"
             joint = self._add_joint(joint, theirs, start, *base)
         for number, kind in zip(numbers, kinds, strict=True):
             if kind == FREE:
@@ -268,13 +269,16 @@ class _Builder:
         """Let a joint follow another one; both count from their `ref` in MuJoCo."""
         start, address = self.compiled.qpos0, self.compiled.jnt_qposadr
         joint, driver = (str(self.compiled.joint(number).name) for number in (first, second))
-        if not joint or not driver or joint in self._couplings:
-            raise InvalidInput(
-                f"joint {joint!r} mimics {driver!r}: both must have a name, and a joint can mimic "
-                "one; lock them (locked=, --lock)"
-            )
+        others = [mimic.driver for mimic in self.mimics if mimic.joint == joint]
+        if not joint or not driver or others:
+            what = f"joint {joint!r} mimics {' and '.join(map(repr, [*others, driver]))}"
+            valid = "a joint can mimic one" if others else "both must have a name"
+            ends = [f"{name!r}: 0" for name in (joint, *others, driver) if name]
+            lock = f"lock them, locked={{{', '.join(ends)}}} or --lock NAME=VALUE each"
+            raise InvalidInput(f"{what}: {valid}; {lock if joint and driver else 'name them'}")
         since_ref = Polynomial([-float(start[address[second]]), 1.0])
-        self._couplings[joint] = driver, polynomial(since_ref) + float(start[address[first]])
+        follows = polynomial(since_ref) + float(start[address[first]])
+        self.mimics.append(Mimic.of(joint, driver, follows))
 
 
 def _pose(position: Array, rotation: Array) -> Any:

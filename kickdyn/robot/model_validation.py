@@ -165,17 +165,19 @@ def second_moments(moments: Array) -> Array:
 
 def _check_limits(model: Any) -> None:
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
-    speed, rotors = model.velocityLimit, model.armature
-    span = f"{lower.tolist()} to {upper.tolist()}"
-    for name, value, sound, valid in (
-        ("joint range", span, not np.isnan([lower, upper]).any(), "every limit must be a number"),
-        ("joint range", span, (lower <= upper).all(), "lower must not exceed upper"),
-        ("velocity limit", speed.tolist(), (speed >= 0).all(), "every entry must be 0 or more"),
-        ("armature", rotors.tolist(), np.isfinite(rotors).all(), "every entry must be finite"),
-        ("armature", rotors.tolist(), (rotors >= 0).all(), "every entry must be 0 or more"),
+    span, speed, rotors = np.stack([lower, upper], axis=1), model.velocityLimit, model.armature
+    for name, values, sound, valid in (
+        ("joint range", span, ~np.isnan(span).any(axis=1), "every limit must be a number"),
+        ("joint range", span, lower <= upper, "lower must not exceed upper"),
+        ("velocity limit", speed, speed >= 0, "every entry must be 0 or more"),
+        ("armature", rotors, np.isfinite(rotors), "every entry must be finite"),
+        ("armature", rotors, rotors >= 0, "every entry must be 0 or more"),
     ):
-        if not sound:
-            raise InvalidInput(f"{name} is {value}: {valid}")
+        if not sound.all():
+            worst, starts = int(np.argmin(sound)), model.idx_qs if values is span else model.idx_vs
+            joint = max(j for j in range(1, model.njoints) if starts[j] <= worst)
+            value = values[worst].tolist()
+            raise InvalidInput(f"{name} of {model.names[joint]!r} is {value}: {valid}")
 
 
 def cholesky_with_condition(inertia: Array) -> tuple[Array, float]:

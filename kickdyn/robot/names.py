@@ -56,7 +56,8 @@ def unknown(
     order = list(names)
     if len(names) > MAX_LISTED:
         order = list(dict.fromkeys([*matches, *(feet if kind == "frame" else ()), *names]))
-    return f"{kind} {name!r} is unknown: {hint}{owner} has {listed(order, MAX_LISTED)}"
+    known = listed(order, MAX_LISTED) or f"no {kind}"
+    return f"{kind} {name!r} is unknown: {hint}{owner} has {known}"
 
 
 def expand_patterns(values: Mapping[str, float], names: Iterable[str]) -> dict[str, float]:

@@ -100,9 +100,10 @@ def list_folders(package_dirs: Iterable[str | os.PathLike[str]]) -> tuple[Path, 
 class PackageFiles:
     """Finds files by the names that a robot's file has for them.
 
-    A name is a path relative to the robot's file; an absolute one, with `file://` or without; or
-    `package://NAME/...`, also written `model://NAME/...`. A package is looked up in `package_dirs`,
-    then among the folders that contain the robot's file, then in the folders of ROS.
+    A name is a path relative to the robot's file, else to one of `package_dirs`; an absolute one,
+    with `file://` or without; or `package://NAME/...`, also written `model://NAME/...`. A package
+    is looked up in `package_dirs`, then among the folders that contain the robot's file, then in
+    the folders of ROS.
 
     Args:
         folder: of the robot's file.
@@ -125,7 +126,13 @@ class PackageFiles:
         """
         scheme, mark, path = name.partition("://")
         if not mark:
-            return self._first(name, what, [(folder or self._folder) / name])
+            place = (folder or self._folder) / name
+            ends = [name, os.path.relpath(place, self._folder)]
+            paths = [Path(os.path.normpath(named / end)) for named in self._dirs for end in ends]
+            inside = [p for p in paths if any(p.is_relative_to(named) for named in self._dirs)]
+            # any text may be a name
+            present = [path for path in (place, *inside) if os.path.isfile(path)]  # noqa: PTH113
+            return self._first(name, what, present or [place])
         if scheme == "file" and path.startswith("/"):
             return self._first(name, what, [Path(unquote(path))])
         if scheme not in ("package", "model"):
@@ -172,7 +179,11 @@ class PackageFiles:
                     "package of the robot's file; package_dirs= or --package-dir names its folder"
                 )
         if not present:
-            raise MissingFile(f"{what} {name!r} is missing from {roots[0]}")
+            place = str(paths[0]).removesuffix(name.rpartition("://")[2]).rstrip("/") or roots[0]
+            raise MissingFile(
+                f"{what} {name!r} is missing from {place}; package_dirs= or --package-dir names "
+                "its folder"
+            )
         return present[0]
 
     def _places(self, package: str) -> list[Path]:
@@ -274,7 +285,7 @@ class RobotFile:
         folder: the folder of the file, for its meshes.
         source: the file as the caller named it.
         package_dirs: ROS packages, or folders that contain them, for meshes named `package://`.
-        mimics: joints that the file lets move with another, each with a driver that does not.
+        mimics: joints that the file lets move with another, which may itself mimic a third one.
         warnings: a line for each kind of irregularity with which the file was read.
         passive_joints: joints that a file with actuators does not drive; none where that is not
             known.

@@ -8,6 +8,7 @@ what it reports; `model_validation` then judges the inertia of what moves togeth
 import io
 import math
 import os
+import re
 import sys
 import tempfile
 import threading
@@ -26,11 +27,10 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
-from numpy.polynomial import Polynomial
 
 from kickdyn.core.files import shipped
 from kickdyn.errors import InvalidInput, UrdfError
-from kickdyn.robot.joint_table import Mimic, resolve_mimics
+from kickdyn.robot.joint_table import Mimic
 from kickdyn.robot.model_validation import ROUNDING, second_moments
 from kickdyn.robot.names import expand_patterns, listed, name_fault
 from kickdyn.robot.robot_file import RobotFile, Shape, Visual, list_folders, read_xml, robot_path
@@ -48,6 +48,20 @@ MOVING = ("revolute", "continuous", "prismatic")
 
 NO_LIMIT = repr(sys.float_info.max)
 """Limit of effort, velocity or range that means none: the parser refuses inf."""
+
+NUMBERS = {
+    "origin": ("xyz", "rpy"),
+    "mass": ("value",),
+    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+    "limit": ("lower", "upper", "effort", "velocity"),
+}
+"""Attributes that are numbers, by the element of a joint or an inertial."""
+
+REQUIRED = {*NUMBERS["mass"], *NUMBERS["inertia"], "effort", "velocity"}
+"""Attributes without a default."""
+
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+"""A number as Pinocchio's parser reads it, which takes neither nan nor inf."""
 
 XACRO = "{http://www.ros.org/wiki/xacro}"
 """Namespace of the macros of xacro, as ElementTree writes it before their names."""
@@ -157,7 +171,10 @@ def build_model(text: str, source: str, base: str) -> Any:
     Raises `UrdfError` if Pinocchio refuses it or complains, or if no joint moves.
     """
     check_base(base)
-    root = (pin.JointModelFreeFlyer(),) if base == "floating" else ()
+    joints = {joint.get("name") for joint in ElementTree.fromstring(text).iter("joint")}
+    names = ("root_joint", *(f"root_joint{k}" for k in range(2, len(joints) + 3)))
+    free = next(name for name in names if name not in joints)
+    root = (pin.JointModelFreeFlyer(), free) if base == "floating" else ()
     with _captured_stderr() as lines:
         try:
             model = pin.buildModelFromXML(text, *root)
@@ -166,9 +183,9 @@ def build_model(text: str, source: str, base: str) -> Any:
     said = (line.strip()[:200] for line in lines if not line.strip().startswith("at line "))
     complaints = [complaint for line in said if (complaint := line.removeprefix("Error:").strip())]
     if model is None:
-        raise UrdfError(source, ["Pinocchio cannot read it", *(complaints or [reason])])
+        raise UrdfError(source, [f"Pinocchio cannot read it: {'; '.join(complaints or [reason])}"])
     if complaints:
-        raise UrdfError(source, ["Pinocchio complains", *complaints])
+        raise UrdfError(source, [f"Pinocchio complains: {'; '.join(complaints)}"])
     if model.nv == 0:
         raise UrdfError(source, ["has no moving joint"])
     for limits in (model.lowerPositionLimit, model.upperPositionLimit):
@@ -249,6 +266,7 @@ def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
         _check_single(where, link, ("inertial",), faults)
         for inertial in link.findall("inertial"):
             _check_single(f"{where} inertial", inertial, ("origin", "mass", "inertia"), faults)
+            _check_numbers(f"{where} inertial", inertial, faults)
     for name, joint in joints.items():
         _check_joint(f"joint {name!r}", joint, faults)
     _check_tree(links, joints, faults)
@@ -317,6 +335,12 @@ def _check_joint(where: str, joint: Element, faults: list[str]) -> None:
     _check_single(where, joint, ("origin", "parent", "child", "axis", "limit", "mimic"), faults)
     if kind not in (*MOVING, "fixed"):
         faults.append(f"{where} type is {kind[:40]!r}: it must be {', '.join(MOVING)} or fixed")
+    _check_numbers(where, joint, faults)
+    if kind in ("revolute", "prismatic") and joint.find("limit") is None:
+        faults.append(
+            f"{where} has no <limit>: it must have effort and velocity, and may have lower and "
+            "upper; a revolute joint without a range is continuous"
+        )
     axis = joint.find("axis")
     if axis is None or kind == "fixed":
         return
@@ -324,6 +348,24 @@ def _check_joint(where: str, joint: Element, faults: list[str]) -> None:
     numbers = [_number(word) for word in text.split()]
     if len(numbers) != 3 or not 1e-100 < math.hypot(*numbers) < 1e100:  # its square is needed
         faults.append(f"{where} axis is {text[:60]!r}: it must be 3 finite numbers, not all 0")
+
+
+def _check_numbers(where: str, element: Element, faults: list[str]) -> None:
+    """Check the numbers of a joint, or of an inertial: Pinocchio does not say which are valid."""
+    for tag, keys in NUMBERS.items():
+        for child in element.findall(tag):
+            for key in keys:
+                text, is_missing = child.get(key, ""), key not in child.attrib
+                if is_missing and key not in REQUIRED:
+                    continue
+                count, words = 3 if tag == "origin" else 1, text.split()
+                if key in ("effort", "velocity") and _number(text) == math.inf:
+                    continue  # no limit
+                sound = [w for w in words if NUMBER.fullmatch(w) and math.isfinite(float(w))]
+                if len(words) != count or sound != words:
+                    valid = "3 finite numbers, X Y Z" if count == 3 else "a finite number"
+                    fault = f"has no {key}" if is_missing else f"{key} is {text[:60]!r}"
+                    faults.append(f"{where} {tag} {fault}: it must be {valid}")
 
 
 def _number(text: str) -> float:
@@ -353,7 +395,9 @@ def _check_mimics(
                 )
         kind = joints[driver].get("type") if driver in joints else None
         if kind is None:
-            close = get_close_matches(driver[:200], list(joints), 1, 0.7)
+            close = get_close_matches(driver[:200], list(joints), 8, 0.7)
+            sides = [other for other in close if driver in other]  # such as of left and right
+            close = get_close_matches(name, sides, 1, 0.0) or close
             hint = f"did you mean {close[0]!r}? Correct the name" if close else "correct the name"
             faults.append(
                 f"joint {name!r} mimics {driver[:40]!r}, and there is no such joint: {hint}, or "
@@ -375,14 +419,15 @@ def _drivers(joints: dict[str, Element]) -> dict[str, str]:
 
 
 def read_mimics(root: Element) -> tuple[Mimic, ...]:
-    """Return the mimic joints, each with a driver that exists and mimics none."""
+    """Return the mimic joints with a driver that exists, which may mimic another one."""
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
-    couplings = {}
+    mimics = []
     for name, driver in _drivers(joints).items():
         (mimic,) = joints[name].findall("mimic")
-        line = [float(mimic.get("offset", 0.0)), float(mimic.get("multiplier", 1.0))]
-        couplings[name] = driver, Polynomial(line)
-    return tuple(mimic for mimic in resolve_mimics(couplings) if mimic.driver in joints)
+        if driver in joints:
+            line = float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))
+            mimics.append(Mimic(name, driver, *line))
+    return tuple(mimics)
 
 
 def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: list[str]) -> None:

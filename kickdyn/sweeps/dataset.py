@@ -78,10 +78,12 @@ def describe(leg: Leg, grid: Grid, kick: Kick, carry_tolerance: float) -> xr.Dat
     for name, values in grid.axes.items():
         shadows = name.endswith("_deg") and name.removesuffix("_deg") in grid.axes
         shadows |= grid.is_list and name in grid.dims
-        if shadows or name in [*VARIABLES, "status"] or "/" in name or name.strip(".") == "":
+        is_no_name = "/" in name or not name.strip(".")
+        if shadows or is_no_name or name in [*VARIABLES, "status"]:
+            fault = "no variable can have" if is_no_name else "another variable has"
             raise InvalidInput(
-                f"joint {name!r} cannot be swept: in the dataset a variable has this name, "
-                "or cannot be a name: rename it"
+                f"joint {name!r} cannot be swept: {fault} this name in the dataset; rename the "
+                "joint, or leave it out"
             )
         unit = leg.joint_unit(name)
         dim = grid.dims[0] if grid.is_list else name

@@ -94,6 +94,22 @@ def test_a_robot_that_is_turned_in_its_file_faces_another_axis(axis, yaw, kickdy
     kickdyn("check biped.urdf", code=2 if option else 0)
 
 
+@pytest.mark.parametrize(("axis", "yaw"), [("x", 0), ("y", 90), ("-x", 180), ("-y", -90)])
+def test_the_root_of_an_mjcf_may_be_turned(axis, yaw, written, tmp_path):
+    """The toe that kicks, on the base of the commands, is ahead of the ankle."""
+    file = as_mjcf(written, tmp_path)
+    half = np.radians(yaw / 2)
+    turn = f'name="trunk" quat="{np.cos(half)} 0 0 {np.sin(half)}"'
+    file.write_text(file.read_text("utf-8").replace('name="trunk"', turn), "utf-8")
+    found = kd.check(file)
+    assert {name: value for name, value, _ in found.rows}["faces"] == axis
+    for base in ("fixed", "floating"):
+        leg = kd.Leg.from_mjcf(file, "right_foot", base=base, facing=axis)
+        toe = kd.kick_with(leg, "toe")
+        ahead, *_ = toe.posture(toe.configuration()).contact_point
+        assert ahead > leg.posture(leg.configuration()).contact_point[0] + 0.05
+
+
 def test_a_leg_that_is_turned_in_its_file_faces_another_axis_if_it_is_one(written):
     root = kd.Leg.testbed().model.frames[1].name
     seen = rows(written("leg.urdf", turned("leg_testbed.urdf", root, 90)))
@@ -117,8 +133,45 @@ def test_mimic_joints_and_legs_without_a_foot_to_stand_on_say_so(written):
     before, joint, after = text.partition('<joint name="left_knee" type="revolute">')
     after = after.replace('<axis xyz="0 1 0"/>', follows, 1)
     seen = rows(written("mimic.urdf", before + joint + after))
-    assert "moves -0.5 times as left_hip_pitch" in seen["joint left_knee"][0]
+    assert seen["joint left_knee"][0].endswith("moves -0.5 times as left_hip_pitch")
     assert "--lock left_hip_pitch=VALUE" in seen["does not stand on"][0]
+    after = after.replace('multiplier="-0.5"', 'multiplier="-0.5" offset="0.1"')
+    found = kd.check(written("mimic.urdf", before + joint + after.replace("left_hip", "right_hip")))
+    text = next(value for name, value, _ in found.rows if name == "joint left_knee")
+    assert text.endswith("moves -0.5 times as right_hip_pitch from 5.73 deg")
+    assert [command.split()[1] for command in found.commands] == ["posture-sweep"]
+    assert any(
+        "--lock right_hip_pitch=" in value for name, value, _ in found.rows if name == "note"
+    )
+
+
+def test_joints_that_follow_a_polynomial_have_all_its_terms(tmp_path):
+    tie = '<joint joint1="knee" joint2="hip" polycoef="0.1 -1 0.3 -0.2 0.05"/>'
+    shape = 'axis="0 1 0"/><geom size="0.1"/>'
+    foot = f'<body name="foot" pos="0 0 -1"><joint name="knee" {shape}</body>'
+    limb = f'<body name="thigh"><joint name="hip" {shape}{foot}</body>'
+    file = tmp_path / "leg.xml"
+    file.write_text(f"<mujoco><worldbody>{limb}</worldbody><equality>{tie}</equality></mujoco>")
+    text = rows(file)["joint knee"][0]
+    assert "0.1 - 1.0 x + 0.3 x**2 - 0.2 x**3 + 0.05 x**4 in SI units, with x of hip" in text
+
+
+ANKLE = 'lower="-0.3490658503988659" upper="0.8726646259971648"'
+
+
+@pytest.mark.parametrize(("old", "new"), [
+    ('name="hip"', 'name="ns/hip"'), ('xyz="0 1 0"/>', 'xyz="1 0 0"/>'),
+    (ANKLE, 'lower="-0.9" upper="-0.83776"'), (ANKLE, 'lower="0.83776" upper="0.9"'),
+])  # fmt: skip
+def test_the_sweep_that_is_printed_runs(old, new, kickdyn, written):
+    """No dataset has a variable with a slash; legs may move along y only, and never through 0."""
+    text = (ROOT / "urdf" / "leg_testbed.urdf").read_text("utf-8")
+    assert old in text
+    text = text.replace(old, new)
+    text = text.replace("0 -1 0", "1 0 0") if "xyz" in new else text
+    command = kd.check(written("leg.urdf", text)).commands[-1]
+    assert "--joint" in command
+    kickdyn(command.removeprefix("kickdyn "))
 
 
 def test_markers_of_a_c3d_file():
@@ -272,14 +325,19 @@ def test_every_command_that_is_printed_runs(file, kickdyn):
     run_printed(file, kickdyn)
 
 
-@pytest.mark.slow
-def test_the_commands_for_an_mjcf_run(kickdyn, written, tmp_path):
+def as_mjcf(written, tmp_path):
     """The biped, as MuJoCo writes it."""
     settings = '<mujoco><compiler fusestatic="false" discardvisual="false"/></mujoco></robot>'
     text = (ROOT / "urdf" / "biped.urdf").read_text("utf-8").replace("</robot>", settings)
     model = mujoco.MjModel.from_xml_path(str(written("biped.urdf", text)))
     mujoco.mj_saveLastXML(str(tmp_path / "biped.xml"), model)
-    seen = rows(tmp_path / "biped.xml")
+    return tmp_path / "biped.xml"
+
+
+@pytest.mark.slow
+def test_the_commands_for_an_mjcf_run(kickdyn, written, tmp_path):
+    seen = rows(as_mjcf(written, tmp_path))
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "biped.xml"))
     assert seen["mass"][0] == pytest.approx(mujoco.mj_getTotalmass(model))
     assert seen["stands on"][0] == "left_foot"
     run_printed(tmp_path / "biped.xml", kickdyn)

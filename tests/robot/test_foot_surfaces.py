@@ -1,5 +1,7 @@
 """Surfaces of a foot that can meet a ball, of a box by hand and of robots by their meshes."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from tolerances import agrees, closed_form
@@ -109,6 +111,18 @@ def test_a_surface_can_be_given(tmp_path):
     assert load_with_surface("foot:inside", load).frame == "inside"
 
 
+@pytest.mark.parametrize("name", ["foot:L2", "foot:toe", "a:b:c"])
+@pytest.mark.parametrize("surface", ["", ":inside", ":0,0.06,0:0,1,0"])
+def test_the_name_of_a_foot_may_have_colons(tmp_path, name, surface):
+    source = Path(box_foot(tmp_path).file.source)
+    plain = load_with_surface(f"foot{surface}", lambda frame: load_leg(str(source), frame))
+    source.write_text(source.read_text().replace('"foot"', f'"{name}"'))
+    leg = load_with_surface(f"{name}{surface}", lambda frame: load_leg(str(source), frame))
+    right, seen = (one.posture(one.configuration()).contact_point for one in (plain, leg))
+    agrees(seen, right, closed_form())
+    assert leg.frame == (plain.frame if surface else name)
+
+
 @pytest.mark.parametrize(("text", "said"), [
     ("foot:insid", "'insid' of foot .*heel, or X,Y,Z:NX,NY,NZ"),
     ("foot:1,2,3:4,5", "normal of surface"),
@@ -139,3 +153,9 @@ def test_a_robot_that_faces_another_axis_is_turned(tmp_path, facing, yaw, base):
     ignored = kd.kick_with(kd.Leg.from_urdf(turned, "right_foot", base=base), "toe")
     said = sum("(--facing)" in line for line in ignored.warnings)
     assert said == (0 if facing == "-x" else 2)  # feet apart along x, and longer across
+
+
+@pytest.mark.parametrize("facing", [["x"], {}, np.array(["x", "y"]), None, "z"])
+def test_an_axis_that_no_robot_faces_is_refused(facing):
+    with pytest.raises(kd.InvalidInput, match="facing is"):
+        kd.Leg.from_urdf(shipped_urdf("leg_human.urdf"), facing=facing)

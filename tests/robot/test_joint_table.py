@@ -1,6 +1,7 @@
 """Joints by name: configurations, ranges and limits; mimic joints against a plain reading."""
 
 import math
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,7 +15,7 @@ from random_urdf import random_urdf
 from tolerances import EPSILON, agrees, closed_form, optimized
 
 import kickdyn as kd
-from kickdyn.robot.joint_table import Mimic
+from kickdyn.robot.joint_table import InDegrees, Mimic
 from kickdyn.robot.standing import kicking_chain
 
 BODY = pin.Inertia(1.0, np.array([0.0, 0.0, -0.25]), np.diag([0.1, 0.1, 0.05]))
@@ -296,7 +297,34 @@ def test_bad_gears_are_refused_by_name(spoil, load, gear, said):
         load(with_gear(spoil, gear))
 
 
+@pytest.mark.parametrize("side", ["Left_", "Right_"])
+def test_a_name_that_is_cut_means_the_joint_of_the_same_side(spoil, load, side):
+    text = with_gear(spoil, '<mimic joint="index_q1"/>').replace('"hip"', '"Left_index_q1"')
+    text = text.replace("</robot>", END.format("revolute", "")).replace(
+        '"extra"', '"Right_index_q1"'
+    )
+    with pytest.raises(kd.UrdfError, match=f"did you mean '{side}index_q1'"):
+        load(text.replace('"knee"', f'"{side}index_q2"'))
+
+
+def test_locked_angles_that_look_like_degrees_are_announced(spoil, load):
+    text = spoil().replace("</robot>", END.format("continuous", ""))
+    for value, is_announced in ((90, True), (1.5, False), (0, False)):
+        leg = load(text).locked({"extra": value})
+        assert any("degrees" in line for line in leg.warnings) == is_announced
+    with pytest.raises(kd.InvalidInput, match="degrees"):
+        load(text).locked({"extra": 90, "knee": 45})
+    assert not any("degrees" in line for line in load(text).locked(InDegrees(extra=900)).warnings)
+
+
 def test_a_mimic_of_a_mimic_has_the_driver_of_that(spoil, load):
     gear = '<mimic joint="knee" multiplier="2" offset="1"/>'
     leg = load(with_gear(spoil).replace("</robot>", END.format("revolute", gear)))
     assert leg.mimics[1] == Mimic("extra", "hip", -1.0, 1.4)  # 2 (-0.5 q + 0.2) + 1
+    plain = load(spoil().replace("</robot>", END.format("revolute", "")), "end")
+    right = plain.posture([0.3, 0.1, 1.2]).with_contact_offset([1, 2, 3])  # 2 * 0.1 + 1
+    for values in ({"knee": 0.1}, {"knee": 0.1, "ex*": 0.0}):
+        locked = replace(leg, frame="end").locked(values)
+        assert locked.joint_names == ("hip",)
+        tip = locked.posture([0.3]).with_contact_offset([1, 2, 3]).contact_point
+        agrees(tip, right.contact_point, closed_form())

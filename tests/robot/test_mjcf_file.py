@@ -129,6 +129,38 @@ def test_a_mesh_is_where_mujoco_looks_for_it(tmp_path, compiler, mesh, name):
     assert leg.model.inertias[1].mass == pytest.approx(48.0)  # 1000 kg/m3
 
 
+@pytest.mark.parametrize(
+    ("compiler", "name"),
+    [
+        ("", "box.stl"),
+        ("", "b/box.stl"),
+        ('meshdir="b"', "box.stl"),
+        ('strippath="true"', "c/box.stl"),
+    ],
+)
+def test_meshes_and_included_files_may_lie_in_named_folders(tmp_path, compiler, name):
+    """Where neither is, the folder that was searched is named, and the option."""
+    text = MESH.format(compiler, f'file="{name}"').replace(
+        "<asset>", '<include file="d.xml"/><asset>'
+    )
+    file = write(tmp_path, robot=text)
+    far, told = tmp_path / "far", []
+    for make in (
+        lambda: (far / "d.xml").write_text("<mujoco><option/></mujoco>"),
+        lambda: box(far, "box.stl" if compiler else name),
+    ):
+        with pytest.raises(kd.MjcfError, match="--package-dir") as error:
+            kd.Leg.from_mjcf(file, "arm", package_dirs=[far] if far.exists() else [])
+        told.append(str(error.value))
+        far.mkdir(exist_ok=True)
+        make()
+    assert f"missing from {tmp_path}" in told[0]
+    assert f"missing from {tmp_path / 'b' if 'meshdir' in compiler else tmp_path};" in told[1]
+    file.write_text(file.read_text().replace('meshdir="b"', 'meshdir="../b"'))
+    leg = kd.Leg.from_mjcf(file, "arm", package_dirs=[far])
+    assert leg.model.inertias[1].mass == pytest.approx(48.0)
+
+
 GEOMS = """<mujoco><asset><mesh name="box" file="box.stl" scale="2 2 2"/></asset>
 <worldbody><geom type="plane" size="1 1 1"/><body name="object"><freejoint/><geom size="1"/></body>
 <body name="arm" pos="0 0 1"><joint name="j" axis="0 1 0" ref="90"/>

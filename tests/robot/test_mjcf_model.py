@@ -170,6 +170,21 @@ def test_a_base_is_welded_where_the_file_places_it_or_floats(tmp_path):
         assert posture.inertia[0, 0] == pytest.approx(1000 * 4 / 3 * np.pi * 0.2**3 + 2)
 
 
+@settings(max_examples=10)
+@given(seed=st.integers(0, 2**32 - 1), facing=st.sampled_from(["x", "y", "-x", "-y"]))
+def test_a_leg_is_turned_alike_on_both_bases(tmp_path_factory, seed, facing):
+    """A floating base starts as the file turns it, and its place at the origin."""
+    text = random_xml(np.random.default_rng(seed), [[], ["hinge"], ["slide"]], seed % 2)
+    file = written(tmp_path_factory.mktemp("model"), text)
+    fixed, floating = (
+        leg.posture(leg.configuration({"body1_0": 0.3}))
+        for base in ("fixed", "floating")
+        if (leg := kd.Leg.from_mjcf(file, "body2", base=base, facing=facing))
+    )
+    agrees(floating.rotation_world_joint, fixed.rotation_world_joint, closed_form(10))
+    agrees(floating.jacobian[:, 6:], fixed.jacobian, closed_form(10))
+
+
 SLIDING_KNEE = (
     '<body name="a"><joint name="hip" axis="0 1 0"/><geom size="0.1" pos="0.02 0 -0.5"/>'
     '<body name="b" pos="0 0 -0.5"><joint name="slide" type="slide" axis="1 0 0"/>'
@@ -231,6 +246,8 @@ def test_connected_bodies_are_a_loop(looped_mjcf):
     ('<connect name="bar" body1="a" anchor="0 0 -1"/>', r"'bar' \(connect\)"),
     ('<joint joint1="ja"/>', r"\(joint\) .*lock"),
     ('<joint joint1="ja" joint2="jb"/><joint joint1="jb" joint2="ja"/>', "ja, jb mimic each other"),
+    ('<joint joint1="jb" joint2="ja"/><joint joint1="jb" joint2="jc"/>',
+     "'jb' mimics 'ja' and 'jc': a joint can mimic one; lock them, locked={'jb': 0, 'ja': 0, 'jc'"),
     ('<weld body1="a" body2="c"/>', r"\(weld\)"),
     ('<connect body1="a" body2="c" anchor="0 0 -1" active="false"/>', None)])  # fmt: skip
 def test_other_constraints_are_refused_unless_they_are_idle(looped_mjcf, equality, said):
@@ -280,6 +297,17 @@ def test_settings_that_change_the_mechanics_are_refused(tmp_path, more, said):
         arm(tmp_path, ends, more)
 
 
+def test_a_foot_without_mass_may_be_locked(tmp_path):
+    """The shank then has what it has without the foot; a free foot is refused with a remedy."""
+    foot = '<body name="foot" pos="0 0 -1"><joint name="ankle" axis="0 1 0"/></body>'
+    file = written(tmp_path, ARM.format(BALL + foot))
+    leg = kd.Leg.from_mjcf(file, "foot", locked={"ankle": 0})
+    assert leg.posture([0.3]).inertia == pytest.approx(arm(tmp_path).posture([0.3]).inertia)
+    file = written(tmp_path, ARM.format(BALL + foot))
+    with pytest.raises(kd.MjcfError, match=r"'ankle' moves .*mass 0 kg.*--lock ankle=0"):
+        kd.Leg.from_mjcf(file, "foot")
+
+
 def test_weight_can_be_turned_off(tmp_path):
     for more, weight in (("", -9.81), ('<option><flag gravity="disable"/></option>', 0)):
         assert arm(tmp_path, more=more).model.gravity.linear.tolist() == [0, 0, weight]
@@ -301,7 +329,10 @@ TURNS = {"x": 0.0, "y": -np.pi / 2, "-x": np.pi, "-y": np.pi / 2}
 def test_effective_masses_are_those_of_mujoco_where_joints_follow_polynomials(
     tmp_path_factory, seed, facing
 ):
-    r"""With v = P x of the free joints x, the foot has :math:`(J P) (P^T M P)^{-1} (J P)^T`."""
+    r"""With v = P x of the free joints x, the foot has :math:`(J P) (P^T M P)^{-1} (J P)^T`.
+
+    A joint that follows another, and is locked, locks those that follow it.
+    """
     draw = np.random.default_rng(seed)
     kinds = [["hinge", "slide"][: draw.integers(1, 3)] for _ in range(4)]
     names = [f"body{n}_{k}" for n, joints in enumerate(kinds) for k in range(len(joints))]
@@ -314,7 +345,8 @@ def test_effective_masses_are_those_of_mujoco_where_joints_follow_polynomials(
     )
     more = f'<compiler angle="radian"/><equality>{ties}</equality>'
     file = written(tmp_path_factory.mktemp("leg"), random_xml(draw, kinds, floating=False), more)
-    leg = kd.Leg.from_mjcf(file, "body3", facing=facing)
+    locked = {names[-1]: draw.uniform(-1, 1)} if seed % 2 else {}
+    leg = kd.Leg.from_mjcf(file, "body3", facing=facing, locked=locked)
     compiled = mujoco.MjModel.from_xml_path(str(file))
     free = [name for name in names if name not in followers]
     values = dict(zip(free, draw.uniform(-1, 1, len(free)), strict=True))
@@ -324,18 +356,23 @@ def test_effective_masses_are_those_of_mujoco_where_joints_follow_polynomials(
         follows = np.polynomial.Polynomial(series[name])
         values[name] = follows(since_ref) + start[compiled.joint(name).qposadr[0]]
         slopes[name] = follows.deriv()(since_ref) * slopes[driver]
+        if name in locked:
+            values[name], slopes[name] = locked[name], 0.0 * slopes[name]
     names = [compiled.joint(number).name for number in range(compiled.njnt)]  # in its order
     data, inertia = mujoco.MjData(compiled), np.eye(compiled.nv)
     data.qpos[:] = [values[name] for name in names]
     mujoco.mj_forward(compiled, data)
-    assert np.abs(data.efc_pos[: data.ne]).max() < closed_form(100)
+    assert locked or np.abs(data.efc_pos[: data.ne]).max() < closed_form(100)
     for unit in np.eye(compiled.nv):
         mujoco.mj_mulM(compiled, data, inertia[np.argmax(unit)], unit)
     jacobian = np.zeros((3, compiled.nv))
     mujoco.mj_jacBody(compiled, data, jacobian, None, compiled.body("body3").id)
-    posture = leg.posture(leg.configuration(values))
-    order = [leg.velocity_index(name) for name in names]
-    agrees(posture.inertia[np.ix_(order, order)], inertia, closed_form(100))
+    present = [name for name in names if name in leg.joint_names]
+    assert present == [name for name in names if not locked or slopes[name].any()]
+    posture = leg.posture(leg.configuration({name: values[name] for name in present}))
+    order, rows = map(leg.velocity_index, present), [names.index(name) for name in present]
+    columns = np.ix_(*2 * [[*order]])
+    agrees(posture.inertia[columns], inertia[np.ix_(rows, rows)], closed_form(100))
     reduced, normal = np.array([slopes[name] for name in names]), draw.normal(size=3)
     normal /= np.linalg.norm(normal)
     row = pin.utils.rotate("z", TURNS[facing]).T @ normal @ jacobian @ reduced

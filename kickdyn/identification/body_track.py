@@ -45,6 +45,8 @@ class BodyTrack(ReprMixin):
             marker is not seen.
         angles: coordinates by name, each of shape `(n,)` [rad; m], as of a file of joint angles;
             NaN where one is not known.
+
+    Attributes:
         warnings: lines about what a file has and the track has not.
 
     Raises:
@@ -64,7 +66,7 @@ class BodyTrack(ReprMixin):
     markers: tuple[str, ...]
     positions: Array
     angles: Mapping[str, Array]
-    warnings: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
 
     def __init__(
         self,
@@ -73,7 +75,6 @@ class BodyTrack(ReprMixin):
         positions: ArrayLike | None = None,
         *,
         angles: Mapping[str, ArrayLike] | None = None,
-        warnings: Sequence[str] = (),
     ) -> None:
         moments = validation.floats("times", times, unit="s")
         if moments.ndim != 1 or not moments.size or not (np.diff(moments) > 0.0).all():
@@ -90,7 +91,6 @@ class BodyTrack(ReprMixin):
             for name, values in validation.mapping("angles", angles).items()
         }
         vars(self).update(times=moments, markers=names, positions=points, angles=coordinates)
-        vars(self).update(warnings=tuple(warnings))
         for array in (moments, points, *coordinates.values()):
             array.setflags(write=False)
 
@@ -228,7 +228,7 @@ class BodyTrack(ReprMixin):
         ]  # fmt: skip
         points = units[0] * with_gaps(table[:, 2:].reshape(len(table), -1, 3))
         names, positions = [cells[k] for k in columns], _with_z_up(points[:, places], axis)
-        return cls(table[:, 1], names, positions, warnings=warnings)
+        return cls(table[:, 1], names, positions)._warned(warnings)
 
     @classmethod
     @validation.check_arguments
@@ -271,7 +271,12 @@ class BodyTrack(ReprMixin):
         }
         doubled = dict.fromkeys(name for name in names if names.count(name) > 1)
         warnings = [f"{names.count(name)} columns are named {name}: left out" for name in doubled]
-        return cls(table[:, 0], angles=angles, warnings=warnings)
+        return cls(table[:, 0], angles=angles)._warned(warnings)
+
+    def _warned(self, warnings: Sequence[str]) -> "BodyTrack":
+        """Return the track, just read, with warnings."""
+        vars(self).update(warnings=tuple(warnings))
+        return self
 
 
 def _with_gaps(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:

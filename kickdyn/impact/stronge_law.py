@@ -122,7 +122,7 @@ class _Course:
         if not sticks:
             a11, a12, a22 = (self.mu * entry for entry in (self.a11, self.a12, self.a22))
             x, y, gain = slip_direction(a11, a12, a22, self.b1, self.b2)
-            self.x, self.y, stick1, stick2 = -x, -y, self.mu * x, self.mu * y
+            stick1, stick2 = self.mu * x, self.mu * y
         self._line(stick1, stick2, gain, math.inf)
         return sticks
 

@@ -99,6 +99,9 @@ def test_a_name_is_one_of_kickdyn_a_robot_or_a_file(tmp_path):
     assert load_leg("testbed", "foot").frame == "foot"
     (tmp_path / "human.urdf").write_text(kd.Leg.testbed().file.text)
     assert load_leg(str(tmp_path / "human.urdf")).name == kd.Leg.testbed().name
+    described = tmp_path / "own_description"
+    described.write_text(kd.Leg.testbed().file.text)
+    assert load_leg(str(described)).name == kd.Leg.testbed().name
 
 
 @pytest.mark.parametrize("name", ["rail", ""], ids=["named", "unnamed"])

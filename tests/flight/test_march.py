@@ -63,6 +63,7 @@ def test_a_ball_lands_where_it_first_meets_the_ground(gap, velocity, spin, air, 
     assert int(many.status[0]) == 0
     right = pytest.approx(path.duration, rel=integrated(tol), abs=closed_form(10))
     assert float(many.duration[0]) == right
+    assert many.landing_spin[0].values == pytest.approx(path.landing.spin, rel=integrated(tol))
 
 
 @pytest.mark.parametrize("tol", [1e-3, 1e-9])

@@ -85,7 +85,8 @@ SIDEWAYS = kd.Track(*(lambda t: (t.times, t.positions[:, [0, 2, 1]]))(ball_track
     (kd.Track(np.arange(80) / 200 - 0.2, np.zeros((80, 3))), "changes by 0 m/s"),
     (ball_track(np.ones_like)[:70], r"changes by \S+ m/s.* kick"),
     (kd.Track(np.arange(4) / 100, np.zeros((4, 3))), "4 samples: at least 10"),
-    (SIDEWAYS, r"along y.*z up")], ids=range(8))  # fmt: skip
+    (kd.Track(np.arange(10) / 100 - 0.1, np.zeros((10, 3))), "changes by 0 m/s"),
+    (SIDEWAYS, r"along y.*z up")], ids=range(9))  # fmt: skip
 def test_what_is_no_contact_is_refused(contact, message):
     with pytest.raises(kd.InvalidInput, match=message):
         kd.fit_motion(track(50), LEG, PLACES, contact=contact)

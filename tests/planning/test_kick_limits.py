@@ -47,6 +47,7 @@ def test_the_impulse_of_the_support_is_that_of_a_strike():
     smooth = module.SupportImpulse(StandingRobot(ROBOT.with_supports(support)), IMPULSE)
     for posture in postures():
         assert smooth.residual(posture).tolist() == term.residual(posture)[:-1].tolist()
+        assert term.residual(posture)[0] == term.wrench(posture)[2]  # the normal impulse
         there = STANDING.robot.posture(on_robot(posture))
         _, expected = there.respond(-IMPULSE @ there.jacobian)
         about = expected[3:] + np.cross(STANDING.placement.translation, expected[:3])

@@ -157,3 +157,11 @@ def test_a_coefficient_that_is_no_number_ends_in_an_error(kind, coefficient):
     words = "KeyError" if coefficient is broken else "not finite|could not be integrated"
     with pytest.raises(kd.KickdynError, match=words):
         kd.fly(launch(spin=(0, -50, 0)), BALL, kd.Air(**{kind: coefficient}))
+
+
+@pytest.mark.parametrize(("spin", "air", "effects"), [
+    ((0, 0, 0), kd.Air(), "drag"), ((0, 1, 0), kd.Air(), "drag, lift, spin decay"),
+    ((0, 1, 0), kd.Air(lift=None), "drag, spin decay")])  # fmt: skip
+def test_the_method_names_what_acts_on_the_ball(spin, air, effects):
+    path = kd.fly(kd.BallState(velocity=(20, 0, 10), spin=spin), kd.Ball(), air)
+    assert path.method.partition(", ")[2].removeprefix("rtol 1e-09, ") == effects

@@ -1,5 +1,6 @@
-"""Snippets and commands of the docs run, and print the numbers that the pages show."""
+"""Snippets and commands of docs and README run, print the numbers shown, and links exist."""
 
+import ast
 import contextlib
 import doctest
 import io
@@ -9,14 +10,19 @@ import shlex
 import shutil
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
+import robots_table
+import urdf_files
 from click.testing import CliRunner
 from shown_numbers import first_missing
 
 import kickdyn
+import kickdyn as kd
 from kickdyn.cli.commands import kickdyn_command
+from kickdyn.robot.catalog import robots_folder
 from kickdyn.view.document import BROWSERS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -148,3 +154,78 @@ def test_the_site_builds_without_a_warning(tmp_path):
         assert not re.search(r"<(script|img|link)[^>]*(src|href)=\"(https?:)?//", html), name
         assert not re.search(r"\\[(\[]\S|\$\$", re.sub(r"(?s)<pre>.*?</pre>", "", html)), name
     assert pages["theory"].count("<math") > 30
+
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMANDS = re.findall(r"(?m)^kickdyn (.*)$", "".join(re.findall(r"(?s)```sh\n(.*?)```", README)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", COMMANDS)
+def test_commands_run(command, tmp_path, monkeypatch):
+    for folder in ("urdf", "data"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    monkeypatch.chdir(tmp_path)
+    for word, package in (("mujoco", "mujoco"), ("--motion", "casadi")):
+        if word in command:
+            pytest.importorskip(package)
+    words = shlex.split(command)
+    ended = CliRunner().invoke(kickdyn_command, words)
+    assert ended.exit_code == 0, ended.output
+    for option, file in pairwise(words):
+        if option in ("--view", "--out", "--scene-out"):
+            assert Path(file).exists()
+
+
+def test_pictures_and_links_exist():
+    links = re.findall(r"\]\(([^)#:]+)[)#]", README)
+    assert links
+    assert COMMANDS
+    assert not [link for link in links if not (ROOT / link).exists()]
+
+
+TEXT = (ROOT / "docs" / "explanation" / "robots.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_the_table_has_the_numbers_of_the_script():
+    """Rows have the robot and seven more cells."""
+    printed, shown = (
+        {line.split("|")[1].strip(): line for line in text.splitlines() if line.count("|") == 9}
+        for text in (robots_table.table(), TEXT)
+    )
+    robots = printed.keys() - {"robot", "---"}
+    assert robots <= shown.keys()
+    for robot in robots:
+        assert first_missing(shown[robot], printed[robot]) is None, shown[robot]
+
+
+@pytest.fixture(scope="module")
+def readings():
+    return list(urdf_files.readings())
+
+
+def test_as_many_urdf_files_load_as_the_page_says(readings):
+    """Those that load have a well-conditioned posture, slightly bent: straight, iCub's has none."""
+    loaded = [reading for reading in readings if reading.leg is not None]
+    stated = re.search(r"reads (\d+) of the (\d+) URDF files", TEXT)
+    assert [*map(int, stated.groups())] == [len(loaded), len(readings)]
+    for reading in loaded:
+        driven = {mimic.joint for mimic in reading.leg.mimics}
+        bent = [name for name in reading.leg.single_joints if name not in driven]
+        angles = {name: 0.1 + 0.01 * i for i, name in enumerate(bent)}
+        posture = reading.leg.posture(reading.leg.configuration(angles))
+        assert posture.condition < 1e7, reading.file
+
+
+@pytest.mark.parametrize(
+    ("file", "frame"), [("alex_psyonic_hands.urdf", "Torso"), ("romeo.urdf", "r_sole")]
+)
+def test_the_remedy_of_a_refusal_can_be_copied(readings, file, frame):
+    """Its `locked=` for Python and its options for commands lock the same joints."""
+    (refused,) = (reading for reading in readings if reading.file.endswith("/" + file))
+    locks = [ast.literal_eval(text) for text in re.findall(r"locked=({.*?})", refused.reason)]
+    python = {name: value for lock in locks for name, value in lock.items()}
+    assert set(re.findall(r"--lock (\w+)=0", refused.reason)) == python.keys()
+    leg = kd.Leg.from_urdf(robots_folder() / refused.file, frame, locked=python)
+    assert leg.posture(leg.configuration()).condition < 1e7

@@ -1,4 +1,4 @@
-"""Flights against an independent integration, their ends, samples and refusals."""
+"""Flights against an independent integration, their ends and refusals; the integrator's order."""
 
 import math
 
@@ -9,6 +9,10 @@ from tolerances import agrees, closed_form, integrated
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
+from kickdyn.flight.events import ground_event
+from kickdyn.flight.fly import fly_arc
+from kickdyn.flight.forces import FINEST, FlightEquations
+from kickdyn.flight.integrate import Tolerance, integrate
 
 BALL = kd.Ball()
 KICK = (25, 3, 12)
@@ -157,3 +161,51 @@ def test_a_coefficient_that_is_no_number_ends_in_an_error(kind, coefficient):
     words = "KeyError" if coefficient is broken else "not finite|could not be integrated"
     with pytest.raises(kd.KickdynError, match=words):
         kd.fly(launch(spin=(0, -50, 0)), BALL, kd.Air(**{kind: coefficient}))
+
+
+def thrown(velocity, height=0.0, spin=(0, 0, 0)):
+    return kd.BallState((0, 0, height), velocity, spin)
+
+
+def test_lift_alone_turns_a_ball_in_circles():
+    """Neutrally buoyant and without drag: ten circles with the radius 2 m / (rho A C_L)."""
+    air = kd.Air(drag=None, lift=constant(0.5), torque=None)
+    ball = kd.Ball(air.density * BALL.volume, BALL.radius)
+    radius = 2 * ball.mass / (air.density * ball.cross_section * 0.5)
+    path = kd.fly(kd.BallState(velocity=(3, 0, 0), spin=(0, 0, 20)), ball, air,
+                  kd.Ground(-0.2), 1e-8, time_limit=12.0)  # fmt: skip
+    angle = 3.0 / radius * 12.0
+    right = radius * np.array([math.sin(angle), 1 - math.cos(angle), 0])
+    assert path.landing.position == pytest.approx(right, abs=integrated(1e-8) * 3.0 * 12.0)
+    true = np.linalg.norm(path.landing.position - right)
+    assert true < path.error < 10 * true
+
+
+@pytest.mark.parametrize(("velocity", "end", "least"), [
+    ((25, 2, 12), 2.5, 7.5),
+    ((2, 0.3, 6), 1.2, 6.0),  # through Re 2e4 to 7e4, where formulas join
+    ((50, 2, 22), 3.0, 7.0),  # through 35 m/s, where the data end
+])  # fmt: skip
+def test_the_error_falls_with_about_the_eighth_power_of_the_evaluations(velocity, end, least):
+    motion = FlightEquations(thrown(velocity, spin=(5, -30, 15)), BALL, kd.Air())
+
+    def arc(tol):
+        tolerance = Tolerance(max(tol, FINEST), np.full(7, tol))
+        return integrate(motion.rates, (0.0, motion.begin), [], end, tolerance)
+
+    exact = arc(1e-14).state
+    arcs = [arc(10.0**-k) for k in np.arange(3, 10.6, 0.25)]
+    errors = [np.abs(each.state - exact).max() for each in arcs]
+    slope, _ = np.polyfit(np.log([each.evaluations for each in arcs]), np.log(errors), 1)
+    assert -slope > least
+
+
+def test_most_flights_take_no_step_anew_to_end_at_the_ground():
+    """The step before the last one foresees the end; a step takes twelve evaluations."""
+    draw, anew = np.random.default_rng(1), []
+    for velocity in draw.uniform((5, -3, 2), (30, 3, 12), (40, 3)):
+        start = thrown(velocity, 0.5, draw.normal(0, 30, 3))
+        ground = ground_event(BALL, kd.Ground()).launched(start)
+        arc = fly_arc(start, BALL, kd.Air(), 1e-9, [ground], 1e3, None).arc
+        anew.append(arc.evaluations > 12 * len(arc.steps) + 1)
+    assert np.mean(anew) < 0.5

@@ -1,11 +1,25 @@
-"""Tracks of markers and joint angles: files in metres with z up, gaps, the centre of a ball."""
+"""Tracks of markers and angles; markers on a leg, and the smoothing spline of configurations."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
-from tolerances import agrees, closed_form, optimized
+from chains import free_body
+from kick_motion import LEG, PLACES, state
+from tolerances import agrees, closed_form, differenced, optimized, sampled
 
 import kickdyn as kd
 from kickdyn.errors import FaultyFile
+from kickdyn.identification import smoothing_spline
+from kickdyn.identification.marker_kinematics import (
+    MARKER_NOISE,
+    SCALE_DEVIATION,
+    FittedLeg,
+    Marker,
+    MarkerKinematics,
+    place_deviation,
+    scaled_leg,
+)
+from kickdyn.identification.smoothing_spline import GROWTH, SmoothingSpline
 
 POINTS = np.arange(24.0).reshape(4, 2, 3) / 10
 
@@ -185,3 +199,222 @@ def test_the_centre_of_a_ball_is_as_far_from_all_markers_as_its_radius():
         agrees(track.marker_track(*"abcd", radius=RADIUS).positions, centre, optimized())
     with pytest.raises(kd.InvalidInput, match=r"2\.55 mm from a sphere"):
         ball_with_markers(1.051 * corners)[0].marker_track(*"abcd", radius=RADIUS)
+
+
+MODEL = LEG.model
+MARKERS = [Marker(MODEL.getFrameId(link), np.array(p)) for link, p in PLACES.values()]
+NAMED = dict(zip(PLACES, MARKERS, strict=True))
+ALL = np.ones(len(MARKERS), dtype=bool)
+JOINTS = len(LEG.joint_names)
+STEP = 1e-6
+
+
+def placed(q, scales=None):
+    """Return positions of the markers, `(3 k,)`, with the segment behind each joint scaled."""
+    model = LEG.model
+    scales = np.ones(JOINTS) if scales is None else scales
+    for joint in range(2, model.njoints):
+        model.jointPlacements[joint].translation *= scales[model.parents[joint] - 1]
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    points = []
+    for number, point in MARKERS:
+        frame = model.frames[number]
+        local = scales[frame.parentJoint - 1] * frame.placement.act(point)
+        points.append(data.oMi[frame.parentJoint].act(local))
+    return np.concatenate(points)
+
+
+def by_differences(function, size):
+    """Return derivatives of a function of a change of this size by central differences."""
+    steps = STEP * np.eye(size)
+    return np.array([(function(step) - function(-step)) / (2 * STEP) for step in steps]).T
+
+
+@pytest.mark.parametrize("t", [-0.15, -0.05, 0.0])
+def test_markers_and_their_jacobian(t):
+    q, kinematics = state(t), MarkerKinematics(MODEL, MARKERS)
+    points, jacobian = kinematics.markers(q, ALL)
+    agrees(points, placed(q), optimized(1e-14))
+    expected = by_differences(lambda step: placed(pin.integrate(MODEL, q, step)), LEG.nv)
+    agrees(jacobian, expected, differenced())
+
+
+SCALES = np.ones(JOINTS)
+DETERMINED = [LEG.joint_names.index(name) for name in ("hip_rotation", "knee", "subtalar")]
+SCALES[[0, *DETERMINED]] = 1.03, 0.96, 1.04, 1.02
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """The leg that is fitted to markers of another one, in four frames, and these frames."""
+    times = np.linspace(-0.18, 0.0, 4)
+    measured = np.array([placed(state(t), SCALES).reshape(-1, 3) for t in times])
+    frames = MarkerKinematics(MODEL, MARKERS).solve_track(measured, range(4), state(times[0]))
+    return scaled_leg(LEG, NAMED, measured, frames), times
+
+
+def test_lengths_of_segments_are_those_of_the_markers(fitted):
+    """The prior of 10 % weighs as 1 mm of noise, so that it moves them by less than 1e-4."""
+    leg, _ = fitted
+    scales = np.array(list(leg.scales.values()))
+    assert scales[DETERMINED] == pytest.approx(SCALES[DETERMINED], abs=1e-4)
+    q = state(-0.05)
+    points, _ = MarkerKinematics(leg.leg.model, leg.places).markers(q, ALL)
+    agrees(points, placed(q, scales), optimized(1e-14))
+
+
+def test_the_covariance_of_lengths_is_that_of_the_normal_equations(fitted):
+    """With all configurations as unknowns beside the lengths; derivatives by differences."""
+    leg, times = fitted
+    scales = np.array(list(leg.scales.values()))
+    count = JOINTS + len(times) * LEG.nv
+    normal = np.zeros((count, count))
+    normal[:JOINTS, :JOINTS] = np.eye(JOINTS) * (MARKER_NOISE / SCALE_DEVIATION) ** 2
+    for k, t in enumerate(times):
+        q = state(t)
+        by_q = by_differences(lambda x, q=q: placed(pin.integrate(MODEL, q, x), scales), LEG.nv)
+        by_scale = by_differences(lambda x, q=q: placed(q, scales + x), JOINTS)
+        rows = np.zeros((3 * len(MARKERS), count))
+        rows[:, :JOINTS] = by_scale
+        rows[:, JOINTS + k * LEG.nv : JOINTS + (k + 1) * LEG.nv] = by_q
+        normal += rows.T @ rows
+    expected = MARKER_NOISE**2 * np.linalg.inv(normal)[:JOINTS, :JOINTS]
+    agrees(leg.covariance, expected, 1e-3)  # at the configurations of the fit
+
+
+@pytest.mark.parametrize("c", [0.03, 0.4, 0.6])
+def test_the_deviation_of_places_is_that_of_their_means_in_the_axes_of_the_segment(c):
+    """A cluster that is wrong by c + d and c - d times its size, in turn, on a body that turns.
+
+    Such residuals do not move the body, which 6 of 12 coordinates determine. The variance of a mean
+    of n frames, d^2 / (n - 1), is taken off twice. It is 2 cm at most; 0.06 m is another marker.
+    """
+    leg, d, n = free_body().leg, 0.01, 8
+    points = 0.1 * np.vstack([np.eye(3)[:2], -np.eye(3)[:2], np.zeros(3)])
+    places = [Marker(leg.model.getFrameId("toe"), point) for point in points]
+    q = [np.array([0, 0, 0, 0, 0, np.sin(a), np.cos(a)]) for a in np.pi / n * np.arange(n)]
+    sizes = (1.0 + c + d * (-1.0) ** np.arange(n))[:, None, None]
+    measured = sizes * points @ [pin.XYZQUATToSE3(x).rotation.T for x in q]
+    measured[1:, 4] = np.nan  # seen once, which shows no scatter
+    solve = MarkerKinematics(leg.model, places).solve
+    frames = dict(enumerate(map(solve, q, measured, np.isfinite(measured[..., 0]))))
+    fitted = FittedLeg(leg, {}, places, 0.0 * points, np.zeros((0, 0)))
+    square = 12 / (12 - 6) * np.mean(points[:4] ** 2) * (c**2 - 2 * d**2 / (n - 1))
+    right = min(np.sqrt(square), 0.02) if c < 0.5 else 0.0
+    assert place_deviation(fitted, measured, frames) == pytest.approx(right, rel=optimized(1e-7))
+
+
+LEG_MODEL = kd.Leg.human().model
+TIMES = np.linspace(-0.15, 0.0, 76)
+DEVIATION = 3e-3
+
+
+def measured(curve, seed):
+    noise = DEVIATION * np.random.default_rng(seed).normal(size=(len(TIMES), 3))
+    return np.array([curve(TIMES)] * 3).T + noise
+
+
+def spline(q, growth=0.0):
+    information = np.tile(np.eye(3) / DEVIATION**2, (len(TIMES), 1, 1))
+    return SmoothingSpline(LEG_MODEL, TIMES, q, information, growth)
+
+
+def on_a_grid(y, density, growth, step=2e-3):
+    """Return v and its deviation at 0 on a grid, which ends with the knots after the last time."""
+    count = round((TIMES[-1] - TIMES[0] + 2 * 0.15 / 76) / step) + 1
+    grid = TIMES[0] + step * np.arange(count)
+    nearest = np.eye(count)[np.rint((TIMES - TIMES[0]) / step).astype(int)]
+    hessian = nearest.T @ nearest / DEVIATION**2
+    for order, share, size in ((3, 0.5, 1 / smoothing_spline.JERK_TIME**2), (4, 1.0, 1.0)):
+        rows = np.diff(np.eye(count), order, axis=0) / step**order
+        middles = grid[: len(rows)] + 0.5 * order * step
+        grown = growth * np.maximum(middles, -smoothing_spline.GROWTH_TIME)
+        hessian += rows.T @ (rows * (np.exp(-share * grown) * size * step / density)[:, None])
+    covariance = np.linalg.inv(hessian)
+    curve, k = covariance @ nearest.T @ y / DEVIATION**2, round(0.15 / step)
+    slope = np.zeros(count)
+    slope[[k - 1, k + 1]] = -0.5 / step, 0.5 / step
+    return slope @ curve, np.sqrt(slope @ covariance @ slope)
+
+
+@pytest.mark.parametrize("growth", [0.0, GROWTH])
+@pytest.mark.parametrize("exponent", [7.0, 9.0])
+def test_the_curve_minimises_its_functional(monkeypatch, growth, exponent):
+    """Against a curve on a grid; the spline's knots are 10 ms apart."""
+    monkeypatch.setattr(smoothing_spline, "_likely_density", lambda *_: 10.0**exponent)
+    size = 10.0 ** ((exponent - 9.0) / 2.0)  # a density grows as the square of the curve
+    q = measured(lambda t: size * np.tanh(t / 0.06), 4)
+    _, v, covariance = spline(q, growth).state(0.0)
+    for j in range(3):
+        velocity, deviation = on_a_grid(q[:, j], 10.0**exponent, growth)
+        assert np.sqrt(covariance[3 + j, 3 + j]) == pytest.approx(deviation, rel=0.03)
+        assert v[j] == pytest.approx(velocity, abs=0.1 * deviation)
+
+
+def test_a_density_of_which_the_measurement_says_nothing_is_the_median():
+    rows, penalty = np.random.default_rng(1).normal(size=(20, 8)), np.linspace(1.0, 2.0, 8)
+    penalty[: smoothing_spline.FREE] = 0.0
+    found = smoothing_spline._likely_density(rows, penalty, rows[:, 0], np.full(20, 1e40), 7.3)
+    assert np.log10(found) == pytest.approx(7.3, abs=1e-3)
+
+
+def test_deviations_cover_curves_of_the_prior():
+    """Curves whose jerk is an Ornstein-Uhlenbeck process, with densities of the prior."""
+    rng, scores, fine = np.random.default_rng(7), [], 5e-4
+    steps = round(0.15 / fine)
+    decay = np.exp(-fine / smoothing_spline.JERK_TIME)
+    for _ in range(15):
+        prior = smoothing_spline.ANGLE_DENSITY, smoothing_spline.DENSITY_DEVIATION
+        density = 10.0 ** rng.normal(*prior, 3)
+        size = np.sqrt(density * smoothing_spline.JERK_TIME / 2)
+        jerk = [size * rng.normal(size=3)]
+        for _ in range(steps):
+            jerk.append(decay * jerk[-1] + size * np.sqrt(1 - decay**2) * rng.normal(size=3))
+        rates = [np.array(jerk)]  # then acceleration, velocity, position, by trapezoids
+        for start in ((5.0, 3.0, 20.0), (3.0, -4.0, 2.0), (0.3, 0.5, -0.2)):
+            steps_of_x = fine * (rates[-1][1:] + rates[-1][:-1]) / 2
+            rates.append(start + np.vstack([np.zeros(3), np.cumsum(steps_of_x, axis=0)]))
+        positions, velocity = rates[3][:: steps // 75], rates[2][-1]
+        q = positions + DEVIATION * rng.normal(size=positions.shape)
+        _, v, covariance = spline(q).state(0.0)
+        scores.append((v - velocity) / np.sqrt(covariance.diagonal()[3:]))
+    assert np.mean(np.square(scores)) == pytest.approx(1.0, abs=np.sqrt(2) * sampled(45, 4.0))
+
+
+def test_a_free_body_by_differences(monkeypatch):
+    """Without jerk, the covariance is that of a quadratic by weighted least squares.
+
+    Where the body is at rest, errors of its angles turn no velocity. The acceleration is exact at
+    the end, the reference. Medians of the prior are 0.01 m or 0.03 rad within 0.05 s.
+    """
+    model, priors, rng = free_body().leg.model, [], np.random.default_rng(2)
+    monkeypatch.setattr(smoothing_spline, "_likely_density", lambda *x: priors.append(x) or 1e-20)
+    times, factors = np.linspace(-1.0, 0.0, 12), rng.normal(size=(12, 6, 6))
+    information = factors @ factors.transpose(0, 2, 1) + np.eye(6)
+    information[-1] = 0.0
+    square, line = 0.5 * rng.normal(size=(2, 6))
+
+    def spline_of(line, number=0, change=0.0 * line):
+        moved = np.outer(4 * times * (times + 1), square) + np.outer(times, line)
+        q = np.array([pin.integrate(model, pin.neutral(model), x) for x in moved])
+        q[number] = pin.integrate(model, q[number], change)
+        return SmoothingSpline(model, times, q, information)
+
+    def slopes(first, last):
+        change = pin.difference(model, first[0], last[0])
+        return np.concatenate([change, last[1] - first[1]]) / 2e-5
+
+    still, rest, expected = spline_of(0.0 * line), -0.5, np.zeros((12, 12))
+    _, _, _, variances, medians = zip(*priors, strict=True)
+    assert medians == pytest.approx(np.log10(np.repeat([0.01, 0.03], 3) ** 2 / 0.05**7), abs=0.2)
+    assert [x[-1] for x in variances] == pytest.approx([100.0] * 6)  # 10 m or rad
+    for k in range(11):
+        by_frame = np.transpose([slopes(*(spline_of(0.0 * line, k, x).state(rest) for x in (-e, e)))
+                                 for e in 1e-5 * np.eye(6)])  # fmt: skip
+        expected += by_frame @ np.linalg.inv(information[k]) @ by_frame.T
+    agrees(still.state(rest)[2], expected, differenced())
+    moving = spline_of(line).state
+    for t, count in ((0.0, 12), (rest, 6)):
+        right = slopes(moving(t - 1e-5), moving(t + 1e-5))
+        agrees(spline_of(line).rate(t)[:count], right[:count], differenced())

@@ -1,6 +1,12 @@
-"""The problem of a kick: turned legs, refusals, and the condition that has no solution."""
+"""The problem of a kick: turned legs, refusals; kicks of a library keep all limits."""
 
+import math
+import shutil
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -8,8 +14,12 @@ import pytest
 from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.planning import kick_problem as module
+from kickdyn.planning import kick_reader
+from kickdyn.planning.kick_library import KickLibrary
 from kickdyn.planning.kick_limits import (
     Balance,
     Clearance,
@@ -19,6 +29,7 @@ from kickdyn.planning.kick_limits import (
     Upright,
 )
 from kickdyn.planning.kick_problem import explain_infeasible, kick_problem
+from kickdyn.planning.kick_reader import read_kicks
 from kickdyn.planning.kick_terms import BallPosition, Facing, JointSpeed, LargestShare
 
 BALL = kd.Ball()
@@ -117,3 +128,208 @@ def test_the_condition_that_a_standing_robot_cannot_meet_is_named(cause, words, 
 
     monkeypatch.setattr(module.KickProblem, "solve", solve)
     assert words in explain_infeasible(problem)
+
+
+HEIGHT = -0.7042
+ANGLES = math.radians(10), math.radians(12)
+SETTINGS = {"speed": (12.0, 12.4), "elevation": ANGLES, "height": HEIGHT}
+LIMIT = pytest.mark.processor_limit(20)
+
+
+def make(file: Path, **settings) -> KickLibrary:
+    return kd.kick_library(kd.Leg.human(), file, **{**SETTINGS, **settings})
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory) -> KickLibrary:
+    return make(tmp_path_factory.mktemp("library") / "human.npz")
+
+
+@pytest.fixture
+def points(library) -> Array:
+    draw = np.random.default_rng(1)
+    return draw.uniform(library.reader.lower, library.reader.upper, (20, 5))
+
+
+@LIMIT
+def test_any_launch_in_between_is_met_by_strike(library, points):
+    assert library.covered == 1.0
+    for point in points:
+        kick = library.kick_at(point)
+        impact = kick.impact
+        agrees(impact.ball_after.velocity, kick.launch, closed_form(1e4))
+        assert math.hypot(*kick.launch) == pytest.approx(point[0], rel=closed_form())
+        assert math.asin(kick.launch[2] / point[0]) == pytest.approx(point[1], rel=1e-12)
+        agrees(impact.ball_before.position, [*point[3:], HEIGHT], closed_form(1e4))
+        agrees(impact.ball_after.spin, 0.0, 1e-9)
+        agrees(impact.v_after, kick.interpolated.v_after, closed_form(1e6))
+        agrees(kick.motion.v_after, impact.v_after, closed_form(1e6))
+
+
+@LIMIT
+def test_motions_in_between_keep_all_limits(library, points):
+    leg = kd.Leg.human()
+    for point in points[:5]:
+        kick = library.kick_at(point)
+        motion = kick.motion
+        times = np.linspace(motion.begin, motion.end, 400)
+        q, v, torque = (
+            np.array([of(t) for t in times]) for of in (motion.q, motion.v, motion.torque)
+        )
+        assert (np.abs(torque) <= 1.01 * leg.effort_limit).all()
+        assert (np.abs(v) <= 1.01 * leg.velocity_limit).all()
+        assert (q >= leg.model.lowerPositionLimit - 3e-3).all()
+        assert (q <= leg.model.upperPositionLimit + 3e-3).all()
+        assert min(kick.margins.values()) >= -0.01
+
+
+def test_goals_are_met_by_their_launch(library):
+    goal, air = kd.Goal(5.3, speed=12.2), kd.Air()
+    launch = kd.plan_launch(goal, kd.Ball(), air)
+    kick = library.kick(goal, air=air)
+    assert library.reader.lower[1] < launch.angle < library.reader.upper[1]
+    agrees(kick.launch, launch.velocity, closed_form(1e3))
+    agrees(kick.impact.ball_after.velocity, launch.velocity, closed_form(1e4))
+    plan = library.plan(goal, air=air)
+    assert plan.landing_error < 1e-6
+    assert plan.speed_use == pytest.approx(
+        np.max(np.abs(plan.v) / plan.leg.velocity_limit), rel=0.02
+    )
+    again = library.replan(plan, 0.99 * launch.velocity)
+    agrees(again.impact.ball_after.velocity, 0.99 * launch.velocity, closed_form(1e4))
+    agrees(again.impact.ball_before.position, plan.impact.ball_before.position, closed_form(1e4))
+    with pytest.raises(InvalidInput, match=r"speed is 11 m/s"):
+        library.plan(kd.Goal(5.3, speed=11.0), air=air)
+    with pytest.raises(InvalidInput, match="spin"):
+        library.kick(kd.Goal(5.3, speed=12.2, spin=(0, -5, 0)))
+
+
+def test_samples_are_those_of_the_motion(library, points):
+    kick = library.kick_at(points[0])
+    t, q, v = library.reader.samples(kick.interpolated, 100.0)
+    samples = kick.motion.samples(100.0)
+    inside = (samples.t >= kick.motion.begin) & (samples.t <= kick.motion.end)
+    agrees(t, samples.t[inside], closed_form())
+    agrees(q, samples.q[inside], closed_form(1e3))
+    agrees(v, samples.v[inside], closed_form(1e4))
+
+
+@LIMIT
+def test_a_robot_needs_the_file_of_the_reader_and_numpy_only(library, points, tmp_path):
+    shutil.copy(kick_reader.__file__, tmp_path / "kick_reader.py")
+    code = (
+        "import sys, numpy as np; from kick_reader import read_kicks; "
+        f"kick = read_kicks({str(library.file)!r}).kick(np.array({points[0].tolist()})); "
+        "print(*kick.v_before.tolist()); "
+        "print(*{name.split('.')[0] for name in sys.modules} & {'kickdyn', 'scipy', 'pinocchio'})"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    velocities, loaded = done.stdout.split("\n")[:2]
+    agrees(
+        [float(v) for v in velocities.split()],
+        library.kick_at(points[0]).interpolated.v_before,
+        closed_form(1e4),
+    )
+    assert loaded == ""
+
+
+@LIMIT
+def test_an_interrupted_library_is_continued(library, tmp_path):
+    calls = []
+
+    def stop(what, count, total):
+        calls.append(what)
+        if len(calls) in (3, 5):
+            raise KeyboardInterrupt
+
+    file = tmp_path / "again.npz"
+    for _ in range(2):
+        with pytest.raises(Unfinished, match=r"again\.npz\.parts"):
+            make(file, progress=stop)
+        with (tmp_path / "again.npz.parts" / "log.jsonl").open("a") as log:
+            log.write('{"node": [0')  # as if the process had been killed
+    heavier = kd.Leg.human(height=1.8, mass=75)
+    with pytest.raises(InvalidInput, match="other settings"):
+        kd.kick_library(heavier, file, **SETTINGS)
+    with pytest.raises(InvalidInput, match="other settings"):
+        make(file, speed=(12.0, 12.3))
+    with ThreadPoolExecutor(1) as executor:
+        again = make(file, progress=lambda *_: calls.append("last"), executor=executor)
+    assert not file.with_name("again.npz.parts").exists()
+    checks_and_motions = 4 + 5
+    assert len(calls) <= checks_and_motions  # nothing is computed twice
+    for name, values in library.reader.arrays.items():
+        if values.dtype.kind == "f":
+            agrees(again.reader.arrays[name], values, 1e-9)
+
+
+def test_what_is_outside_is_said_with_the_nearest_kick(library):
+    kick = library.kick_at(library.reader.upper + np.eye(5)[0])
+    assert not kick.met
+    assert kick.motion is kick.impact is None
+    assert "speed is 13.4 m/s, outside of 12 to 12.4" in kick.reason
+    assert "nearest kick has speed 12.4 m/s" in kick.reason
+
+
+def test_files_of_others_are_refused(library, tmp_path):
+    with pytest.raises(InvalidInput, match="leg_human, with 3 joints"):
+        KickLibrary(library.file, kd.Leg.testbed())
+    damaged = bytearray(library.file.read_bytes())
+    damaged[len(damaged) // 2] ^= 255
+    (tmp_path / "damaged.npz").write_bytes(damaged)
+    arrays = dict(library.reader.arrays)
+    np.savez(tmp_path / "changed.npz", **{**arrays, "masses": arrays["masses"] * 2, "checksum": ""})
+    np.savez(tmp_path / "other.npz", format=np.array("kickdyn kick library 9"))
+    (tmp_path / "text.npz").write_text("no archive")
+    for name in ("damaged", "changed", "other", "text"):
+        with pytest.raises(ValueError, match=f"{name}.npz"):
+            read_kicks(tmp_path / f"{name}.npz")
+        with pytest.raises(InvalidInput, match=f"{name}.npz"):
+            KickLibrary(tmp_path / f"{name}.npz", kd.Leg.human())
+
+
+@pytest.mark.parametrize(("settings", "named"), [
+    ({"speed": (12.4, 12.0)}, "speed"), ({"speed": -1.0}, "speed"),
+    ({"elevation": (10.0, 12.0)}, "radians"), ({"azimuth": 0.3}, "azimuth"),
+    ({"height": None}, "height"),
+    ({"contact": kd.Contact(None, [(5, 0.8), (20, 0.6)])}, "restitution")])  # fmt: skip
+def test_bad_ranges_are_named(settings, named, tmp_path):
+    with pytest.raises(InvalidInput, match=named):
+        make(tmp_path / "bad.npz", **settings)
+
+
+@pytest.mark.parametrize(
+    ("other", "named"),
+    [
+        ({"ball": kd.Ball(0.3, 0.11)}, "mass of the ball is 0.3"),
+        ({"ball": kd.Ball(radius=0.1)}, "radius of the ball is 0.1"),
+        ({"height": -0.5}, "height of the ball is -0.5"),
+        ({"contact": kd.Contact(None, 0.3, 0.4)}, "restitution is 0.3"),
+        ({"contact": kd.Contact(None, 0.8, 0.6)}, "friction is 0.6"),
+    ],
+)
+def test_a_library_of_another_impact_is_refused(other, named, library):
+    with pytest.raises(InvalidInput, match=f"{named}: human.npz exists"):
+        kd.kick_library(kd.Leg.human(), library.file, **other)
+
+
+def test_what_is_no_point_is_refused(library):
+    for point in (library.reader.lower[:2], np.full(5, np.nan)):
+        with pytest.raises(InvalidInput, match="point"):
+            library.kick_at(point)
+    for point in (library.reader.lower[:2], np.full(5, np.nan)):
+        with pytest.raises(ValueError, match="5 finite numbers, speed"):
+            library.reader.kick(point)
+
+
+def test_a_library_is_read_for_its_ranges_only(library, tmp_path):
+    assert make(library.file).covered == 1.0
+    assert kd.kick_library(kd.Leg.human(), library.file).covered == 1.0
+    with pytest.raises(InvalidInput, match=r"exists, for 12 to 12\.4 m/s"):
+        make(library.file, speed=(1.0, 2.0))
+    with pytest.raises(InvalidInput, match="does not exist"):
+        kd.kick_library(kd.Leg.human(), tmp_path / "none.npz")
+    with pytest.raises(InvalidInput, match=r"must be \.npz"):
+        kd.kick_library(kd.Leg.human(), tmp_path / "kicks.csv")

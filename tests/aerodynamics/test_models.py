@@ -1,11 +1,18 @@
-"""Drag, lift and spin decay against published values; their formulas are in `tests/extremes`."""
+"""Drag, lift and spin decay against published values; models found by name, copied, joined."""
+
+import copy
+import math
+import pickle
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from fluids.drag import Barati, Clift, Clift_Gauvin
 
 import kickdyn as kd
-from kickdyn.aerodynamics import lift, spin_decay
+from kickdyn.aerodynamics import drag, lift, spin_decay
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel, ScaledCoefficient
 from kickdyn.aerodynamics.drag import (
     BALLS,
     MODELS,
@@ -86,3 +93,55 @@ def test_other_models_have_their_published_values(name, spin, cl):
 @pytest.mark.parametrize(("name", "beta"), [("smits-smith", 0.010), ("tavares", 0.012)])
 def test_spin_decay_has_the_published_coefficient(name, beta):
     assert spin_decay.MODELS[name](2e5, 0.1) == beta
+
+
+HALF = CoefficientModel("drag", "half", lambda reynolds, spin: 0.5 + spin, (1, 9), (0, 1), "here")
+SHIPPED = [m for package in (drag, lift, spin_decay) for m in package.MODELS.values()]
+
+
+def test_a_model_is_its_function_and_knows_its_range():
+    assert HALF(3.0) == 0.5  # without spin
+    assert HALF(3.0, 0.25) == 0.75
+    assert ScaledCoefficient(HALF, 3.0)(3.0, 0.25) == 2.25
+    reynolds, spin = np.array([0.5, 5.0, 9.5, 5.0, 5.0]), np.array([0.5, 0.0, 1.0, -0.1, 1.1])
+    outside = HALF.beyond(reynolds, spin)
+    assert outside.astype(int).tolist() == [[1, 0, 0, 0, 0], [0, 0, 1, 0, 0], [0, 0, 0, 1, 0],
+        [0, 0, 0, 0, 1]]  # fmt: skip
+
+
+@pytest.mark.parametrize(("reynolds", "spin"), [
+    (0.0, 0.0), (math.nan, 0), (math.inf, 0), (1.0, -0.1), (1.0, math.inf)])  # fmt: skip
+def test_a_model_refuses_what_is_no_flow(reynolds, spin):
+    with pytest.raises(kd.InvalidInput, match=f"half at Re {reynolds!r}.*above 0"):
+        HALF(reynolds, spin)
+
+
+def nearly_one(reynolds, spin_parameter):
+    return 0.99
+
+
+@pytest.mark.parametrize("again", [
+    copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))])  # fmt: skip
+def test_a_model_keeps_its_own_function_in_copies_and_pickles(again):
+    """Also one that has the name of a shipped model; shipped models stay the same objects."""
+    mine = CoefficientModel("drag", "brazuca", nearly_one, (0, 1e6), (0, 1), "here")
+    air = again(kd.Air(drag=mine))
+    assert air.drag(1e5) == 0.99
+    assert air == kd.Air(drag=mine) != kd.Air(drag="brazuca")
+    assert again(kd.Air(drag=0.25)).drag(1e5, 0.0) == 0.25
+    twice = again(kd.Air(drag=ScaledCoefficient(mine, 2.0)))
+    assert (twice.drag(1e5), repr(twice).count("'2 x brazuca'")) == (1.98, 1)
+    assert all(again(model) is model for model in SHIPPED)
+
+
+def test_the_page_has_every_model_with_its_range_and_source():
+    page = Path(__file__).resolve().parents[2] / "docs" / "explanation" / "theory.md"
+    number = r"([0-9.e+]+|inf)"
+    row = rf"^\| (\w+) `(.*)` \| {number} to {number} \| {number} to {number} \| (.*) \|$"
+    rows = re.findall(row, page.read_text("utf-8"), re.MULTILINE)
+    table = {(kind, name): (tuple(map(float, ends)), source) for kind, name, *ends, source in rows}
+    assert set(table) == {(model.kind, model.name) for model in SHIPPED}
+    for model in SHIPPED:
+        ends, source = table[model.kind, model.name]
+        assert ends == pytest.approx((*model.reynolds, *model.spin), rel=0.01), model.name
+        assert model.source.startswith(source), model.name

@@ -14,15 +14,9 @@ import kickdyn as kd
 from kickdyn.impact.sensitivity import UNITS
 
 seeds = st.integers(0, 2**32 - 1)
-CASES = {
-    "chain, no friction": (0.0, {"frictionless"}),
-    "chain": (0.15, {"stick", "slip"}),
-    "floating, no friction": (0.0, {"frictionless"}),
-    "floating": (0.15, {"stick", "slip"}),
-    "table, no friction": (0.0, {"frictionless"}),
-    "table": (0.15, {"slip"}),
-    "moving base": (0.15, {"slip"}),
-}
+CASES = {f"{name}, no friction": (0.0, {"frictionless"}) for name in ("chain", "floating", "table")}
+CASES |= dict.fromkeys(("chain", "floating"), (0.15, {"stick", "slip"}))
+CASES |= dict.fromkeys(("table", "moving base"), (0.15, {"slip"}))
 
 
 def kick_of(case, rng):

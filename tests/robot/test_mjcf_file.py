@@ -129,21 +129,13 @@ def test_a_mesh_is_where_mujoco_looks_for_it(tmp_path, compiler, mesh, name):
     assert leg.model.inertias[1].mass == pytest.approx(48.0)  # 1000 kg/m3
 
 
-@pytest.mark.parametrize(
-    ("compiler", "name"),
-    [
-        ("", "box.stl"),
-        ("", "b/box.stl"),
-        ('meshdir="b"', "box.stl"),
-        ('strippath="true"', "c/box.stl"),
-    ],
-)
+@pytest.mark.parametrize(("compiler", "name"), [
+    ("", "box.stl"), ("", "b/box.stl"), ('meshdir="b"', "box.stl"),
+    ('strippath="true"', "c/box.stl")])  # fmt: skip
 def test_meshes_and_included_files_may_lie_in_named_folders(tmp_path, compiler, name):
     """Where neither is, the folder that was searched is named, and the option."""
-    text = MESH.format(compiler, f'file="{name}"').replace(
-        "<asset>", '<include file="d.xml"/><asset>'
-    )
-    file = write(tmp_path, robot=text)
+    text = MESH.format(compiler, f'file="{name}"')
+    file = write(tmp_path, robot=text.replace("<asset>", '<include file="d.xml"/><asset>'))
     far, told = tmp_path / "far", []
     for make in (
         lambda: (far / "d.xml").write_text("<mujoco><option/></mujoco>"),

@@ -300,10 +300,10 @@ def test_settings_that_change_the_mechanics_are_refused(tmp_path, more, said):
 def test_a_foot_without_mass_may_be_locked(tmp_path):
     """The shank then has what it has without the foot; a free foot is refused with a remedy."""
     foot = '<body name="foot" pos="0 0 -1"><joint name="ankle" axis="0 1 0"/></body>'
+    right = arm(tmp_path).posture([0.3]).inertia
     file = written(tmp_path, ARM.format(BALL + foot))
     leg = kd.Leg.from_mjcf(file, "foot", locked={"ankle": 0})
-    assert leg.posture([0.3]).inertia == pytest.approx(arm(tmp_path).posture([0.3]).inertia)
-    file = written(tmp_path, ARM.format(BALL + foot))
+    assert leg.posture([0.3]).inertia == pytest.approx(right)
     with pytest.raises(kd.MjcfError, match=r"'ankle' moves .*mass 0 kg.*--lock ankle=0"):
         kd.Leg.from_mjcf(file, "foot")
 

@@ -8,6 +8,7 @@ single points, which takes a fifth of the time of automatic differentiation thro
 the unknowns to the points.
 """
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,6 +22,24 @@ from scipy.interpolate import BSpline
 
 from kickdyn.core.validation import Array
 from kickdyn.motion.separation import Conditions, multipliers_nearby
+
+
+def _load_ipopt() -> None:
+    """Load Ipopt with one thread of its own OpenBLAS, which reads their number when it is loaded.
+
+    Two threads take twice the processor time for matrices of this size, and no less time.
+    """
+    name = "OPENBLAS_NUM_THREADS"
+    if name in os.environ:
+        return
+    os.environ[name] = "1"
+    try:
+        ca.load_nlpsol("ipopt")
+    finally:
+        del os.environ[name]
+
+
+_load_ipopt()
 
 GRADING = 1.3
 """Exponent by which intervals are shorter near the impact, where the motion is fastest."""

@@ -139,7 +139,7 @@ def compiled_rates(ball: Ball, air: Air) -> Any:
 
 
 def _constants(ball: Ball, air: Air) -> str | None:
-    """Return what the equations of motion depend on; None with a function of a user's own."""
+    """Return the numbers and models of the equations of motion as text; None if a user wrote one."""
     models = air.drag, air.lift, air.torque
     if callable(air.wind) or not all(model is None or is_known(model) for model in models):
         return None
@@ -148,7 +148,7 @@ def _constants(ball: Ball, air: Air) -> str | None:
 
 
 def _callees(air: Air) -> Callees:
-    """Return the functions of a user's own in an air."""
+    """Return the functions of an air that a user wrote."""
     callees: list[tuple[Any, Any, str]] = []
     for name in ("wind", "drag", "lift", "torque"):
         model = getattr(air, name)

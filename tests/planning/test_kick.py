@@ -166,7 +166,7 @@ def test_the_strongest_kick_is_the_same_whatever_speed_is_asked_for(elevation):
     assert plan(1.01 * strongest).status == "beyond-limits"
     assert strongest_drawn(leg, ahead, replace(contact, normal=ahead)) <= 1.01 * strongest
     if elevation == 34.55:
-        assert strongest > 5.33  # 60 starts of SLSQP by somebody else
+        assert strongest > 5.33  # found by an independent SLSQP from 60 starts
 
 
 @pytest.mark.parametrize(("goal", "options", "words"), [

@@ -139,7 +139,7 @@ def compiled_rates(ball: Ball, air: Air) -> Any:
 
 
 def _constants(ball: Ball, air: Air) -> str | None:
-    """Return the numbers and models of the equations of motion as text; None if a user wrote one."""
+    """Return the constants of the equations of motion as text; None if a user wrote a model."""
     models = air.drag, air.lift, air.torque
     if callable(air.wind) or not all(model is None or is_known(model) for model in models):
         return None
@@ -361,7 +361,7 @@ def _twin(function: Any) -> types.FunctionType:
 
 
 def _compilable(value: Any) -> Any:
-    """Return a constant as it is, and a function of kickdyn's or of a user's own compiled."""
+    """Return a constant as it is, and a function compiled, whether kickdyn's or the user's."""
     if value is math:
         return mathematics
     value = value.function if isinstance(value, WRAPPED) else value

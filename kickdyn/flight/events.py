@@ -1,7 +1,7 @@
 r"""Events of a flight: where a function of the ball's state falls through zero.
 
-The ground, a wall, the highest point and ends of a user's own are events. `fly` and `fly_many` take
-the same ones: a function with floats, `math` and indices alone can be compiled.
+The ground, a wall, the highest point and ends that users define are events. `fly` and `fly_many`
+take the same ones: a function with floats, `math` and indices alone can be compiled.
 """
 
 import math

@@ -61,12 +61,12 @@ class LegAndBall:
     spin: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     def problem(self):
-        leg = LegBody(None, None, None, self.delassus_factor)
+        leg = LegBody(None, None, self.delassus_factor)
         before = kd.BallState(np.zeros(3), self.centre_velocity, self.spin)
         spin = tuple((self.ball.radius * before.spin).tolist())
         velocity = tuple(before.velocity.tolist())
         point = ContactPoint(self.normal, self.restitution, self.friction, velocity, spin)
-        return ContactProblem((point,), (leg, BallBody(self.ball, before, (self.normal,))))
+        return ContactProblem((point,), (leg, BallBody(self.ball, (self.normal,))))
 
     @property
     def velocity(self):

@@ -5,14 +5,17 @@ Tables and text are laid out for the width of the terminal.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
+from functools import cached_property
 from html import escape
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+T = TypeVar("T")
 
 Row = tuple[str, object, str]
 """A line of a representation: name, value, unit."""
@@ -34,6 +37,18 @@ def freeze_arrays(value: object) -> None:
     elif isinstance(value, tuple):
         for item in value:
             freeze_arrays(item)
+
+
+class stored(cached_property[T]):  # noqa: N801  # as cached_property
+    """A `cached_property` without the lock of Python 3.11, which takes as long as a small sum."""
+
+    if not TYPE_CHECKING:
+
+        def __get__(self, instance, owner=None):
+            if instance is None:
+                return self
+            value = instance.__dict__[self.attrname] = self.func(instance)
+            return value
 
 
 class ReadOnlyArrays:

@@ -9,7 +9,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.mechanics import Triple, largest
-from kickdyn.core.representation import ReprMixin
+from kickdyn.core.representation import ReprMixin, stored
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.contact_problem import (
@@ -41,6 +41,8 @@ class Approach(NamedTuple):
     Attributes:
         posture: as in `AfterApproach`, as are all but the following.
         v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        ball_velocity: velocity of the ball's centre, shape `(3,)` [m/s, world frame].
+        ball_spin: angular velocity of the ball, shape `(3,)` [rad/s, world frame].
         centre_velocity: velocity of the ball's centre minus `foot_velocity` [m/s, world frame].
         speed: of the foot towards the ball along the normal, above 0 [m/s].
     """
@@ -49,7 +51,8 @@ class Approach(NamedTuple):
     v: Array
     ball: Ball
     contact: Contact
-    ball_before: BallState
+    ball_velocity: Array
+    ball_spin: Array
     foot_velocity: Array
     centre_velocity: Triple
     speed: float
@@ -64,6 +67,12 @@ class Approach(NamedTuple):
             *self.ball.warnings,
         )
 
+    @property
+    def ball_before(self) -> BallState:
+        """State of the ball just before the impact."""
+        position = self.posture.contact_point + self.ball.radius * self.contact.normal
+        return BallState.computed(position, self.ball_velocity, self.ball_spin)
+
     def contact_problem(self) -> ContactProblem:
         """Return the problem for an impact law; raise `InvalidInput` if nothing moves along n."""
         posture, contact = self.posture, self.contact
@@ -75,18 +84,18 @@ class Approach(NamedTuple):
                     "ball mass is inf and the leg cannot move along the contact normal: "
                     "one of them must be able to move"
                 )
-        leg = LegBody(posture, self.v, posture.jacobian, factor)
+        leg = LegBody(posture, posture.jacobian, factor)
         return ContactProblem((self.contact_point(),), (leg, self.ball_body()))
 
     def ball_body(self) -> BallBody:
         """Return the ball as a body that is touched at one point."""
-        return BallBody(self.ball, self.ball_before, (self.contact.normal,))
+        return BallBody(self.ball, (self.contact.normal,))
 
     def contact_point(self) -> ContactPoint:
         """Return the contact of foot and ball."""
         contact, surface_spin = self.contact, NO_VELOCITY
-        if self.ball_before.spin is not _AT_REST:
-            radius, (x, y, z) = self.ball.radius, self.ball_before.spin.tolist()
+        if self.ball_spin is not _AT_REST:
+            radius, (x, y, z) = self.ball.radius, self.ball_spin.tolist()
             surface_spin = radius * x, radius * y, radius * z
         return ContactPoint(
             contact.normal, self.restitution, contact.friction, self.centre_velocity, surface_spin
@@ -126,7 +135,7 @@ class AfterApproach(ReprMixin):
         """Coefficient e of the contact at the speed of approach."""
         return self.approach.restitution
 
-    @property
+    @stored
     def ball_before(self) -> BallState:
         """State of the ball just before the contact; the times of a collision count from there."""
         return self.approach.ball_before
@@ -160,9 +169,10 @@ def find_approach(
 
     Errors name the function `many` where a row for each of n impacts is given.
     """
-    validation.check_type(Posture, posture=posture)
-    validation.check_type(Ball, ball=ball)
-    validation.check_type(Contact, contact=contact)
+    if not (type(posture) is Posture and type(ball) is Ball and type(contact) is Contact):
+        validation.check_type(Posture, posture=posture)
+        validation.check_type(Ball, ball=ball)
+        validation.check_type(Contact, contact=contact)
     contact.check_normal()
     contact = contact.for_ball(ball)
     v = validation.vector("v", v, posture.leg.nv, many=many)
@@ -176,8 +186,6 @@ def find_approach(
     if ball_spin is not AT_REST:
         spin = validation.vector("ball spin", ball_spin, 3, unit="rad/s", many=many)
         ball_speed += largest(spin) * ball.radius
-    position = posture.contact_point + ball.radius * contact.normal
-    before = BallState.computed(position, velocity, spin)
     # `dot` because `@` takes twice as long on three numbers.
     joint_speed = math.hypot(*v.tolist())
     fastest = posture.jacobian_norm * joint_speed + ball_speed
@@ -192,9 +200,9 @@ def find_approach(
     foot_velocity = posture.jacobian.dot(v)
     if posture.leg.base_velocity is not None:
         foot_velocity = foot_velocity + transport
-    validation.protect(v, foot_velocity)
+    validation.protect(v, foot_velocity, velocity, spin)
     fx, fy, fz = foot_velocity.tolist()
-    bx, by, bz = before.velocity.tolist()
+    bx, by, bz = velocity.tolist()
     nx, ny, nz = contact.normal.tolist()
     ux, uy, uz = centre_velocity = bx - fx, by - fy, bz - fz
     speed = -(nx * ux + ny * uy + nz * uz)
@@ -215,4 +223,6 @@ def find_approach(
                 f"foot and ball approach along the normal at {speed:.3g} m/s in {posture!r}: that "
                 f"is rounding, of {rounding:.1g} m/s in what cancels there"
             )
-    return Approach(posture, v, ball, contact, before, foot_velocity, centre_velocity, speed, e)
+    return Approach(
+        posture, v, ball, contact, velocity, spin, foot_velocity, centre_velocity, speed, e
+    )

@@ -1,7 +1,7 @@
 """The bodies and the contact problem that an impact law solves, and the solution it returns."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
@@ -24,7 +24,7 @@ class Body:
         is_free: whether the body can move in every direction.
     """
 
-    is_free = False
+    is_free: bool = False
 
     def delassus(self, axes: Array) -> Array:
         """Return the share of the Delassus matrix in contact axes, shape `(3 k, 3 k)` [1/kg].
@@ -47,18 +47,18 @@ class BallBody(Body):
 
     Attributes:
         ball: mass m, radius r and inertia I_b.
-        before: its motion just before the impact.
         normals: of the contacts.
         sides: of the ball at the contacts, -1, 0 or 1.
     """
 
     ball: Ball
-    before: BallState
     normals: tuple[Array, ...]
     sides: tuple[float, ...] = (1.0,)
 
-    def __post_init__(self) -> None:
-        self.is_free = self.ball.mass < np.inf
+    @property
+    def is_free(self) -> bool:  # type: ignore[override]
+        """Whether the ball is no obstacle."""
+        return self.ball.mass < math.inf
 
     def delassus(self, axes: Array) -> Array:
         r"""Return the share of the Delassus matrix in contact axes, shape `(3 k, 3 k)` [1/kg].
@@ -87,7 +87,7 @@ class BallBody(Body):
     def inverse_mass(self, direction: Array) -> float:
         return 1.0 / self.ball.mass
 
-    def after(self, impulses: Array, tangential_impulses: Array) -> BallState:
+    def after(self, before: BallState, impulses: Array, tangential_impulses: Array) -> BallState:
         r"""Return the ball just after impulses at the contacts, shape `(k, 3)` [N s].
 
         Only their parts across the normals, of the same shape, turn it:
@@ -95,8 +95,8 @@ class BallBody(Body):
         .. math:: v^+ = v + \frac1m \sum \pm p_i, \qquad
                   \omega^+ = \omega - \frac{r}{I_b} \sum n_i \times p_i .
         """
-        vx, vy, vz = self.before.velocity.tolist()
-        wx, wy, wz = self.before.spin.tolist()
+        vx, vy, vz = before.velocity.tolist()
+        wx, wy, wz = before.spin.tolist()
         mass, gain = self.ball.mass, self.ball.radius / self.ball.inertia
         for i, side in enumerate(self.sides):
             if side:
@@ -105,7 +105,7 @@ class BallBody(Body):
                 tx, ty, tz = cross3(self.normals[i].tolist(), tangential_impulses[i].tolist())
                 wx, wy, wz = wx - gain * tx, wy - gain * ty, wz - gain * tz
         velocity, spin = np.array((vx, vy, vz)), np.array((wx, wy, wz))
-        return BallState.computed(self.before.position, velocity, spin)
+        return BallState.computed(before.position, velocity, spin)
 
 
 @lru_cache
@@ -120,7 +120,6 @@ class LegBody(Body):
 
     Attributes:
         posture: its inertia, supports and loops.
-        v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
         jacobian: of the contact points, shape `(3 k, nv)`.
         factor: F with :math:`F F^T = J M^{-1} J^T`, shape `(3 k, n)` [kg^-1/2, world frame]; the
             rows of a contact have the sign of its side, or all of them have the wrong sign.
@@ -128,7 +127,6 @@ class LegBody(Body):
     """
 
     posture: Posture
-    v: Array
     jacobian: Array
     factor: Array
     sides: tuple[float, ...] = (-1.0,)
@@ -217,10 +215,10 @@ class ContactProblem(NamedTuple):
         """Return the inverse effective mass of a single contact along a unit vector [1/kg]."""
         return sum(body.inverse_mass(direction) for body in self.bodies)
 
-    def in_contact_axes(self) -> tuple[Array, Array]:
+    def in_contact_axes(self) -> tuple[Array, list[float]]:
         """Return rotations from contact axes to the world's, and velocities in these axes.
 
-        The rotations have shape `(k, 3, 3)` (see `tangents`), the velocities `(3 k,)` [m/s].
+        The rotations have shape `(k, 3, 3)` (see `tangents`), the velocities length 3 k [m/s].
         """
         entries: list[float] = []
         before: list[float] = []
@@ -232,7 +230,7 @@ class ContactProblem(NamedTuple):
             (a, b, c), (d, e, f) = tangents(normal, velocity)
             entries += (a, d, x, b, e, y, c, f, z)
             before += (a * u + b * v + c * w, d * u + e * v + f * w, along)
-        return np.array(entries).reshape(-1, 3, 3), np.array(before)
+        return np.array(entries).reshape(-1, 3, 3), before
 
     def delassus(self, axes: Array) -> Array:
         """Return G in contact axes, shape `(3 k, 3 k)` [1/kg]; `axes` is `(k, 3, 3)`."""
@@ -265,19 +263,20 @@ class Solution(NamedTuple):
 
 def solution_in_world(
     axes: Array,
-    impulses: Array,
+    impulses: Sequence[float],
     sticking: tuple[bool, ...],
     energy_lost: float,
     residual: float = 0.0,
 ) -> Solution:
-    """Return the solution of impulses in contact axes, shape `(3 k,)`; `axes` is `(k, 3, 3)`."""
-    if len(axes) == 1:  # several take twice as long
-        tangential = axes[0, :, :2].dot(impulses[:2])[None]
-        normal = (axes[0, :, 2] * impulses[2])[None]
-    else:
-        along_axes = axes * impulses.reshape(-1, 1, 3)
-        tangential, normal = along_axes[..., 0] + along_axes[..., 1], along_axes[..., 2]
-    return Solution(tangential + normal, sticking, energy_lost, tangential, residual)
+    """Return the solution of 3 k impulses in contact axes; `axes` is `(k, 3, 3)`."""
+    total: list[Triple] = []
+    tangential: list[Triple] = []
+    for k, ((a, d, x), (b, e, y), (c, f, z)) in enumerate(axes.tolist()):
+        p, q, r = impulses[3 * k : 3 * k + 3]
+        u, v, w = across = a * p + d * q, b * p + e * q, c * p + f * q
+        tangential.append(across)
+        total.append((u + x * r, v + y * r, w + z * r))
+    return Solution(np.array(total), sticking, energy_lost, np.array(tangential), residual)
 
 
 @dataclass(frozen=True)
@@ -320,16 +319,19 @@ def tangents(normal: Triple, u: Triple) -> tuple[Triple, Triple]:
     ux, uy, uz = u
     along = ux * nx + uy * ny + uz * nz
     x, y, z = ux - along * nx, uy - along * ny, uz - along * nz
-    sliding, speed = max(abs(x), abs(y), abs(z)), max(abs(ux), abs(uy), abs(uz))
+    sliding, speed = math.hypot(x, y, z), math.hypot(ux, uy, uz)
     if sliding <= 1e-12 * speed:
-        least = min(range(3), key=lambda axis: abs(normal[axis]))
-        tangent = [-normal[least] * entry for entry in normal]
+        sizes = abs(nx), abs(ny), abs(nz)
+        least = sizes.index(min(sizes))
+        n = normal[least]
+        tangent = [-n * nx, -n * ny, -n * nz]
         tangent[least] += 1.0
         x, y, z = tangent
+        sliding = math.hypot(x, y, z)
     elif sliding < 0.1 * speed:  # cancellation left rounding along the normal: project once more
         x, y, z = x / sliding, y / sliding, z / sliding
         along = x * nx + y * ny + z * nz
         x, y, z = x - along * nx, y - along * ny, z - along * nz
-    length = math.hypot(x, y, z)
-    first = x / length, y / length, z / length
+        sliding = math.hypot(x, y, z)
+    first = x / sliding, y / sliding, z / sliding
     return first, cross3(normal, first)

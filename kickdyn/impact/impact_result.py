@@ -10,7 +10,16 @@ import numpy as np
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import ROUNDING, Printed, Row, format_value, freeze_arrays, warned
+from kickdyn.core.mechanics import largest
+from kickdyn.core.representation import (
+    ROUNDING,
+    Printed,
+    Row,
+    format_value,
+    freeze_arrays,
+    stored,
+    warned,
+)
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AfterApproach, Approach
@@ -53,15 +62,15 @@ class Impact(AfterApproach):
     response: LegResponse | None = field(default=None, kw_only=True)
     _ball_after: BallState | None = field(default=None, kw_only=True)
 
-    @cached_property
+    @stored
     def ball_after(self) -> BallState:
         """State of the ball just after the impact."""
         if self._ball_after is not None:
             return self._ball_after
-        solution = self.solution
-        return self.approach.ball_body().after(solution.impulses, solution.tangential_impulses)
+        impulses, tangential = self.solution.impulses, self.solution.tangential_impulses
+        return self.approach.ball_body().after(self.ball_before, impulses, tangential)
 
-    @cached_property
+    @property
     def impulse(self) -> Array:
         """Impulse on the ball, shape `(3,)` [N s, world frame]; the leg takes the opposite."""
         return np.asarray(self.solution.impulses[0])
@@ -113,7 +122,7 @@ class Impact(AfterApproach):
         free = "with rotors" if leg.workspace.model.armature.any() else "without rotors"
         return f"{free}{', stiff ' if leg.stiff_joints else ''}{', '.join(leg.stiff_joints)}"
 
-    @cached_property
+    @stored
     def leg_response(self) -> LegResponse:
         """The response of the leg to the impulse; its parts are attributes of the impact, too."""
         if self.response is not None:
@@ -194,7 +203,8 @@ class Impact(AfterApproach):
     @property
     def momentum_residual(self) -> float:
         r"""Joint-space momentum that Newton-Euler does not account for, over :math:`\|J\| |p|`."""
-        return self.leg_response.momentum_residual
+        scale = self.posture.jacobian_norm * math.hypot(*self.impulse.tolist())
+        return largest(self.leg_response.unbalanced) / scale if scale else 0.0
 
     @property
     def creates_energy(self) -> bool:

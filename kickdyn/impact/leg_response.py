@@ -1,6 +1,5 @@
 """The leg's response to the impulse: velocity jump, joint impulses, and the footing of supports."""
 
-import math
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -8,12 +7,12 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import nnls
 
-from kickdyn.core.mechanics import cross3, largest
-from kickdyn.core.validation import Array, protect
+from kickdyn.core.mechanics import cross3
+from kickdyn.core.validation import Array, protect, read_only
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Posture
 
-NO_CONSTRAINTS = np.zeros(0)
+NO_CONSTRAINTS = read_only(np.zeros(0))
 """Constraint impulses of a leg without supports and loops."""
 
 NEGLIGIBLE_IMPULSE = 1e-12
@@ -27,12 +26,15 @@ CONE_EDGES = 64
 
 
 class LegResponse(NamedTuple):
-    """What an impulse at the foot does to the leg: attributes of `Impact` of the same names."""
+    """What an impulse at the foot does to the leg: attributes of `Impact` of the same names.
+
+    In `unbalanced` is the joint-space momentum that Newton-Euler does not account for, `(nv,)`.
+    """
 
     v_after: Array
     joint_impulses: Array
     constraint_impulses: Array
-    momentum_residual: float
+    unbalanced: Array
 
 
 def leg_response(posture: Posture, v: Array, impulse: Array) -> LegResponse:
@@ -43,38 +45,26 @@ def leg_response(posture: Posture, v: Array, impulse: Array) -> LegResponse:
     if posture.constraint_projector is not None:
         jump, constraint_impulses = posture.respond(-impulse.dot(posture.jacobian))
         return response_to_jump(posture, v, jump, impulse, constraint_impulses)
-    leg, wrench = posture.leg, foot_wrench(posture, -impulse)
-    space, zero = leg.workspace, leg.workspace.zero_velocity
-    space.external_wrenches.fill(0.0)  # of the impact before
-    space.external_wrenches[leg.contact_joint] = wrench
-    jump = pin.aba(space.model, space.data, posture.q, zero, zero, space.external).copy()
-    unbalanced = pin.rnea(space.model, space.data, posture.q, zero, jump, space.external)
-    return _as_response(posture, v, impulse, NO_CONSTRAINTS, jump, space.forces.copy(), unbalanced)
+    space, q = posture.leg.workspace, posture.q
+    model, data, zero, external = space.model, space.data, space.zero_velocity, space.external
+    wrenches = space.external_wrenches
+    wrenches.fill(0.0)  # of the impact before
+    wrenches[posture.leg.contact_joint] = foot_wrench(posture, -impulse)
+    jump = pin.aba(model, data, q, zero, zero, external)
+    unbalanced = pin.rnea(model, data, q, zero, jump, external)
+    v_after, transmitted, unbalanced = v + jump, space.forces.copy(), unbalanced.copy()
+    protect(v_after, transmitted, unbalanced)
+    return LegResponse(v_after, transmitted, NO_CONSTRAINTS, unbalanced)
 
 
 def response_to_jump(
     posture: Posture, v: Array, jump: Array, impulse: Array, constraint_impulses: Array
 ) -> LegResponse:
     """Return the response of a leg whose velocity jump and constraint impulses are known."""
-    answer = joint_impulses(posture, jump, -impulse, constraint_impulses)
-    return _as_response(posture, v, impulse, constraint_impulses, jump, *answer)
-
-
-def _as_response(
-    posture: Posture,
-    v: Array,
-    impulse: Array,
-    constraint_impulses: Array,
-    jump: Array,
-    transmitted: Array,
-    unbalanced: Array,
-) -> LegResponse:
-    """Return a response of read-only arrays; `unbalanced` is the momentum left over."""
+    transmitted, unbalanced = joint_impulses(posture, jump, -impulse, constraint_impulses)
     v_after = v + jump
-    protect(v_after, transmitted, constraint_impulses)
-    scale = posture.jacobian_norm * math.hypot(*impulse.tolist())
-    residual = largest(unbalanced) / scale if scale else 0.0
-    return LegResponse(v_after, transmitted, constraint_impulses, residual)
+    protect(v_after, transmitted, constraint_impulses, unbalanced)
+    return LegResponse(v_after, transmitted, constraint_impulses, unbalanced)
 
 
 class Load(NamedTuple):

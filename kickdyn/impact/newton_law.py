@@ -67,20 +67,20 @@ def solve_newton(problem: ContactProblem) -> Solution:
         return frictionless(problem)
     axes, before = problem.in_contact_axes()
     matrix = problem.delassus(axes)
-    (g11, g12, g13), (_, g22, g23), (*_, g33) = matrix.tolist()
-    g, u = (g11, g12, g22, g13, g23, g33), tuple(before.tolist())
-    if any(body.is_free for body in problem.bodies):
+    (g11, g12, g13), (_, g22, g23), (_, _, g33) = matrix.tolist()
+    g, u = (g11, g12, g22, g13, g23, g33), (before[0], before[1], before[2])
+    if True in [body.is_free for body in problem.bodies]:  # `any` takes twice as long
         stick, _, _ = stick_impulse(g, u, e)
     else:  # G may be singular. The limit of heavier balls is the least impulse, if there is any.
-        free = before * (1.0, 1.0, 1.0 + e)
+        free = np.multiply(before, (1.0, 1.0, 1.0 + e))
         least = -np.linalg.pinv(matrix, rcond=SINGULAR, hermitian=True).dot(free)
         unbalanced = length(matrix.dot(least) + free) > SINGULAR * length(free)
         stick = (math.inf, 0.0, 0.0) if unbalanced else tuple(least.tolist())
     if math.hypot(stick[0], stick[1]) <= mu * stick[2]:
         lost = energy_lost(stick, u, (0.0, 0.0), e)
-        return solution_in_world(axes, np.array(stick), (True,), lost)
+        return solution_in_world(axes, stick, (True,), lost)
     slip, lost = slip_impulse(g, u, e, mu, meet_circle(slip_conic(g, u, e, mu)))
-    return solution_in_world(axes, np.array(slip), (False,), lost)
+    return solution_in_world(axes, slip, (False,), lost)
 
 
 def solve_newton_at_several(problem: ContactProblem) -> Solution:
@@ -94,8 +94,8 @@ def solve_newton_at_several(problem: ContactProblem) -> Solution:
     This nonlinear complementarity problem is solved by `solve_cones`; `KickdynError` is raised
     where it finds no solution.
     """
-    axes, before = problem.in_contact_axes()
-    delassus = problem.delassus(axes)
+    axes, velocities = problem.in_contact_axes()
+    before, delassus = np.array(velocities), problem.delassus(axes)
     restitutions = np.array([contact.restitution for contact in problem.contacts])
     frictions = np.array([contact.friction for contact in problem.contacts])
     free = before.copy()
@@ -111,7 +111,7 @@ def solve_newton_at_several(problem: ContactProblem) -> Solution:
     at_rest = AT_REST_SPEED * float(np.abs(before[2::3]).max())
     sticking = tuple(((sliding <= at_rest) & (frictions > 0.0)).tolist())
     lost = -0.5 * float(impulses @ (before + after))
-    return solution_in_world(axes, impulses, sticking, lost, residual)
+    return solution_in_world(axes, impulses.tolist(), sticking, lost, residual)
 
 
 def stick_impulse(

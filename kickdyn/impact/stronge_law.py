@@ -57,8 +57,8 @@ def solve_stronge(problem: ContactProblem) -> Solution:
     e, friction = contact.restitution, contact.friction
     if friction == 0.0:
         return frictionless(problem)
-    axes, before = problem.in_contact_axes()
-    speed = float(np.abs(before).max())
+    axes, velocity = problem.in_contact_axes()
+    before, speed = np.array(velocity), max(map(abs, velocity))
     g_matrix = problem.delassus(axes)
     mobility = float(g_matrix.diagonal().max())
     mu = min(friction, 1e50)  # more changes no digit, and its work would overflow
@@ -66,7 +66,9 @@ def solve_stronge(problem: ContactProblem) -> Solution:
     sticking = course.run()
     scale = speed / mobility
     lost = (1.0 - e**2) * course.compression_work + course.friction_work
-    return solution_in_world(axes, scale * course.impulse, (sticking,), scale * speed * lost)
+    return solution_in_world(
+        axes, (scale * course.impulse).tolist(), (sticking,), scale * speed * lost
+    )
 
 
 class _Course:

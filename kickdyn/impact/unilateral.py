@@ -116,9 +116,9 @@ def unilateral_strike(
     free = _without_supports(approach)
     jacobian = np.vstack([free.jacobian, *(foot.jacobian for foot in feet)])
     factor = free.whiten(np.repeat(sides, 3)[:, None] * jacobian).T
-    robot = LegBody(free, approach.v, jacobian, factor, sides)
+    robot = LegBody(free, jacobian, factor, sides)
     normals = tuple(contact.normal for contact in contacts)
-    ball_body = BallBody(ball, approach.ball_before, normals, (1.0, *[0.0] * on_ground))
+    ball_body = BallBody(ball, normals, (1.0, *[0.0] * on_ground))
     problem = ContactProblem(tuple(contacts), (robot, ball_body, Body()))
     solution = solve_contacts(problem, impact_law)
 

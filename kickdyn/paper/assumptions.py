@@ -62,8 +62,8 @@ def launch_from_force(force: Array, normal: Array) -> tuple[BallState, bool]:
     The force F is that before its part across the normal is limited, shape `(3,)` [N s].
     """
     impulse, tangential, sticking = limit_friction(force, normal, FRICTION)
-    ball = BallBody(BALL, BallState(), (normal,))
-    return ball.after(impulse[None], tangential[None]), sticking
+    ball = BallBody(BALL, (normal,))
+    return ball.after(BallState(), impulse[None], tangential[None]), sticking
 
 
 def warnings_of(*paths: Flight) -> tuple[str, ...]:

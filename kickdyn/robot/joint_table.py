@@ -229,7 +229,7 @@ class JointTable:
         A short q, with one angle for each continuous joint in place of its cosine and sine, and
         without mimic joints, is accepted too.
         """
-        if isinstance(q, Mapping):
+        if type(q) is not np.ndarray and isinstance(q, Mapping):
             raise InvalidInput(
                 f"q is {dict(q)!r}: it must be {self.nq} numbers; Leg.configuration makes them "
                 "from angles by joint name"

@@ -320,14 +320,15 @@ class Leg(LegModel, ReprMixin):
         model, data = workspace.model, workspace.data
         pin.forwardKinematics(model, data, q)
         placement = pin.updateFramePlacement(model, data, self.frame_id)
-        rotation, origin = placement.rotation.copy(), placement.translation.copy()
+        placed = placement.homogeneous  # one copy for both
+        rotation, origin = placed[:3, :3], placed[:3, 3]
         # Local axes: about the world's origin, a leg far from it would lose its digits.
         inertia: Array = pin.crba(model, data, q, pin.Convention.LOCAL)
         frame_jacobian: Array = pin.computeFrameJacobian(model, data, q, self.frame_id, pin.LOCAL)
         frame_jacobian = frame_jacobian.reshape(6, -1)
         cholesky, bound = cholesky_with_condition(inertia)
         jacobian: Array = rotation.dot(frame_jacobian[:3])
-        joint_rotation = workspace.placements[self.contact_joint].rotation.copy()
+        joint_rotation = workspace.placements[self.contact_joint].homogeneous[:3, :3]
         protect(q, inertia, origin, jacobian, joint_rotation)
         # names of the arguments would take half a microsecond
         kinematics = origin, self.contact_lever, joint_rotation, jacobian

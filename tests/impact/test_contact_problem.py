@@ -14,7 +14,7 @@ NEWTON = LAWS["newton"]
 
 
 def two_balls(seed, friction=0.3, e=0.7):
-    """Balls of different sizes and masses that approach each other, and their contact."""
+    """The contact of balls of different sizes and masses that approach, and their states."""
     rng = np.random.default_rng(seed)
     n = rng.normal(size=3)
     n /= np.linalg.norm(n)
@@ -23,21 +23,17 @@ def two_balls(seed, friction=0.3, e=0.7):
     closing = (velocities[0] - velocities[1]) @ n
     velocities[1] += min(0.0, closing - 1.0) * n
     states = [kd.BallState(np.zeros(3), v, w) for v, w in zip(velocities, spins, strict=True)]
-    bodies = (BallBody(balls[0], states[0], (n,), (-1.0,)), BallBody(balls[1], states[1], (n,)))
+    bodies = BallBody(balls[0], (n,), (-1.0,)), BallBody(balls[1], (n,))
     spin = balls[0].radius * spins[0] + balls[1].radius * spins[1]
     point = ContactPoint(n, e, friction, tuple(velocities[1] - velocities[0]), tuple(spin))
-    return ContactProblem((point,), bodies)
+    return ContactProblem((point,), bodies), states
 
 
-def states_after(problem, solution):
-    """The states of the balls and the joint velocities of the legs."""
-    return [
-        body.after(solution.impulses, solution.tangential_impulses)
-        if isinstance(body, BallBody)
-        else body.v + body.jump(solution.impulses)[0]
-        for body in problem.bodies
-        if type(body) is not Body
-    ]
+def states_after(problem, states, solution):
+    """The states of the balls, which are the first bodies."""
+    impulses = solution.impulses, solution.tangential_impulses
+    balls = zip(problem.bodies, states, strict=False)
+    return [ball.after(state, *impulses) for ball, state in balls]
 
 
 @pytest.mark.parametrize("law", ["newton", "stronge"])
@@ -45,26 +41,26 @@ def states_after(problem, solution):
 @pytest.mark.parametrize("seed", range(5))
 def test_two_balls_collide(seed, friction, law):
     """Closed form: spheres have no coupling, so that restitution and friction are separate."""
-    problem = two_balls(seed, friction)
+    problem, states = two_balls(seed, friction)
     (first, second), n = problem.bodies, problem.contacts[0].normal
     solution = solve_contacts(problem, LAWS[law])
     m1, m2 = first.ball.mass, second.ball.mass
-    u = second.before.velocity + np.cross(second.before.spin, -second.ball.radius * n)
-    u -= first.before.velocity + np.cross(first.before.spin, first.ball.radius * n)
+    u = states[1].velocity + np.cross(states[1].spin, -second.ball.radius * n)
+    u -= states[0].velocity + np.cross(states[0].spin, first.ball.radius * n)
     closing = -u @ n
     pressing, sliding = 1.7 * closing * m1 * m2 / (m1 + m2), u + closing * n
     mobility = sum(1 / b.ball.mass + b.ball.radius**2 / b.ball.inertia for b in problem.bodies)
     size = min(np.linalg.norm(sliding) / mobility, friction * pressing)
     impulse = pressing * n - size * sliding / np.linalg.norm(sliding)
     agrees(solution.impulses[0], impulse, closed_form(10))
-    one, two = states_after(problem, solution)
-    agrees(m1 * (one.velocity - first.before.velocity), -impulse, closed_form(10))
-    agrees(m2 * (two.velocity - second.before.velocity), impulse, closed_form(10))
-    for body, state, lever, p in (
-        (first, one, first.ball.radius * n, -impulse),
-        (second, two, -second.ball.radius * n, impulse),
+    one, two = states_after(problem, states, solution)
+    agrees(m1 * (one.velocity - states[0].velocity), -impulse, closed_form(10))
+    agrees(m2 * (two.velocity - states[1].velocity), impulse, closed_form(10))
+    for body, before, state, lever, p in (
+        (first, states[0], one, first.ball.radius * n, -impulse),
+        (second, states[1], two, -second.ball.radius * n, impulse),
     ):
-        spin = body.before.spin + np.cross(lever, p) / body.ball.inertia
+        spin = before.spin + np.cross(lever, p) / body.ball.inertia
         agrees(state.spin, spin, closed_form(10))
 
 
@@ -77,8 +73,8 @@ def two_contacts(seed, friction=0.3):
     spins, velocities = 30 * rng.normal(size=(2, 3)), 3 * rng.normal(size=(2, 3))
     states = [kd.BallState(np.zeros(3), v, w) for v, w in zip(velocities, spins, strict=True)]
     bodies = (
-        BallBody(balls[0], states[0], (n, m), (1.0, -1.0)),
-        BallBody(balls[1], states[1], (n, m), (0.0, 1.0)),
+        BallBody(balls[0], (n, m), (1.0, -1.0)),
+        BallBody(balls[1], (n, m), (0.0, 1.0)),
         Body(),
     )
     surface = [balls[0].radius * spins[0], balls[0].radius * spins[0] + balls[1].radius * spins[1]]
@@ -87,13 +83,13 @@ def two_contacts(seed, friction=0.3):
         ContactPoint(normal, 0.5, friction, tuple(u), tuple(w))
         for normal, u, w in zip((n, m), speeds, surface, strict=True)
     ]
-    return ContactProblem(tuple(contacts), bodies)
+    return ContactProblem(tuple(contacts), bodies), states
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 38, 53])  # the last ones push one that recedes
 def test_several_contacts_are_one_multibody_system(seed):
     """Delassus matrix, velocities and jumps by the Jacobian of both balls at both contacts."""
-    problem = two_contacts(seed)
+    problem, states = two_contacts(seed)
     one, two, _ = problem.bodies
     (n, m), (r1, r2) = one.normals, (one.ball.radius, two.ball.radius)
     jacobian, identity = np.zeros((6, 12)), np.eye(3)
@@ -101,7 +97,7 @@ def test_several_contacts_are_one_multibody_system(seed):
     jacobian[3:, :6] = np.hstack([-identity, r1 * pin.skew(m)])
     jacobian[3:, 6:] = np.hstack([identity, r2 * pin.skew(m)])
     mass = np.repeat([one.ball.mass, one.ball.inertia, two.ball.mass, two.ball.inertia], 3)
-    motion = [np.concatenate([b.before.velocity, b.before.spin]) for b in (one, two)]
+    motion = [np.concatenate([state.velocity, state.spin]) for state in states]
     motion = np.concatenate(motion)
     axes, before = problem.in_contact_axes()
     rotation = np.zeros((6, 6))
@@ -118,7 +114,7 @@ def test_several_contacts_are_one_multibody_system(seed):
     assert min(aimed.min(), pressing.min()) > -small  # a contact that recedes is free
     np.testing.assert_allclose(aimed * pressing, 0.0, atol=small)
     after = motion + jacobian.T @ solution.impulses.ravel() / mass
-    states = states_after(problem, solution)
+    states = states_after(problem, states, solution)
     result = np.concatenate([[*state.velocity, *state.spin] for state in states])
     agrees(result, after, closed_form(10))
     lost = 0.5 * (motion @ (mass * motion) - after @ (mass * after))

@@ -169,6 +169,10 @@ def slip_impulse(
         if resistance <= 0.0 or (c == 0.0 and s == 0.0):
             continue
         p = -f3 / resistance
+        driven = c * (p * (mu * (g11 * c + g12 * s) + g13) + u[0])
+        driven += s * (p * (mu * (g12 * c + g22 * s) + g23) + u[1])
+        if resistance > 0.01 * terms and driven > 0.01 * speed:  # beyond what the steps change
+            continue
         for _ in range(5):
             if p == 0.0:  # below the smallest number
                 break

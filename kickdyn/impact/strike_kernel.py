@@ -13,7 +13,6 @@ from kickdyn.core import lanes as lanes_module
 from kickdyn.core.compilation import OPTIONS, MachineCode, Source, named
 from kickdyn.core.lanes import (
     BATCH,
-    LARGEST_ANGLE,
     batches,
     choose,
     inlined,
@@ -71,14 +70,17 @@ STICK, SLIDE, PARTING, ANEW = 0.0, 1.0, 2.0, 3.0
 """Flags of an answer: points stick, or slip, foot and ball do not approach, or the strike is to be
 computed anew."""
 
-LEAST_APPROACH, FASTEST = 1e-12, 1e100
-"""Least and largest speed of approach [m/s] beyond rounding and below overflow; other
-strikes are to be computed anew."""
+SLOWEST, FASTEST = 1e-100, 1e100
+"""Least and largest speed of approach [m/s] whose squares are numbers; other strikes are to be
+computed anew."""
 
-LEAST_SHARE = 1e-6
+ROUNDING = 4.0 * float(np.finfo(float).eps)
+"""Share of what cancels in the speed of approach that is rounding, as in `find_approach`."""
+
+LEAST_SHARE = 1e-12
 """Share that a pivot or a resistance must keep of its terms, or the strike is doubtful."""
 
-LEAST_RESISTANCE = 1e-3
+LEAST_RESISTANCE = 1e-10
 """Share of its mobility along the normal that a contact must resist with, or it is doubtful."""
 
 jitable(slip_impulse), jitable(slip_conic), jitable(meet_circle)
@@ -121,14 +123,15 @@ def solve_newton_batch(state, ball, u, contact, least):  # type: ignore[no-untyp
     s = smaller(larger(s, 0.0 - mu), mu)
     resistance = g33 + g13 * s
     p = (0.0 - (1.0 + e) * u[2]) / resistance
-    resistance = choose(sticks, h33, resistance)
+    resistance = choose(sticks, h33, choose(level, resistance, h33))
     sound = (resistance > least * g33) & (level | (h22 > least * g22))
     state.doubt = choose(sound, state.doubt, 1.0)
     impulse = choose(sticks, p1, s * p), choose(sticks, p2, 0.0), choose(sticks, p3, p)
     sliding = choose(sticks, 0.0, u[0] + (g11 * s + g13) * p)
     put(state.impulse, impulse)
     state.energy_lost = energy_lost(impulse, u, (sliding, 0.0), e)
-    state.slips = choose(sticks | level, 0.0, choose(sound, 1.0, spread(0.0)))
+    recedes = spread(0.0) + u[2] >= 0.0
+    state.slips = choose(sticks | level | recedes, 0.0, choose(sound, 1.0, spread(0.0)))
     return choose(sticks, 1.0, spread(0.0))
 
 
@@ -167,15 +170,12 @@ def strike_batch(tree, frames, senses, task, given, given_floats, g, memory):  #
     nv = n - 1
     result, first = row_of[2 * nv :], FIRST + nv
     width = len(result) - 1
-    doubt = spread(0.0)
     for k in range(1, n):
-        angle = row_of[k - 1]
         if tree[k].slides:
-            bodies[k].cosine = angle
+            bodies[k].cosine = row_of[k - 1]
         else:
-            bodies[k].sine, bodies[k].cosine = sine_and_cosine(angle)
-            doubt = choose(magnitude(angle) < LARGEST_ANGLE, doubt, 1.0)
-    state.doubt = doubt
+            bodies[k].sine, bodies[k].cosine = sine_and_cosine(row_of[k - 1])
+    state.doubt = spread(0.0)
     tree_kernel.place_bodies(tree, bodies)
     tree_kernel.joint_space_inertia(tree, bodies, inertia)
     lever = given[LEVER, g], given[LEVER + 1, g], given[LEVER + 2, g]
@@ -192,6 +192,8 @@ def strike_batch(tree, frames, senses, task, given, given_floats, g, memory):  #
     w2 = velocity[1] - radius * turned[1]
     w3 = velocity[2] - radius * turned[2]
     u1, u2, u3 = dot(a[0], (w1, w2, w3)), dot(a[1], (w1, w2, w3)), dot(a[2], (w1, w2, w3))
+    size = magnitude(a[2][0]), magnitude(a[2][1]), magnitude(a[2][2])
+    terms = dot(size, (magnitude(w1), magnitude(w2), magnitude(w3)))
     for k in range(1, n):
         row = bodies[k].jacobian
         if not tree[k].carries_foot:
@@ -201,6 +203,8 @@ def strike_batch(tree, frames, senses, task, given, given_floats, g, memory):  #
         x, y, z = dot(a[0], column), dot(a[1], column), dot(a[2], column)
         row[0], row[1], row[2] = x, y, z
         u1, u2, u3 = u1 - x * speed, u2 - y * speed, u3 - z * speed
+        absolute = magnitude(column[0]), magnitude(column[1]), magnitude(column[2])
+        terms = terms + 2.0 * magnitude(speed) * dot(size, absolute)
     put(state.velocity, (u1, u2, u3))
     inverse, turning = given[INVERSE_MASS, g], given[TURNING, g]
     tree_kernel.factorize(tree, inertia, state)
@@ -229,9 +233,8 @@ def strike_batch(tree, frames, senses, task, given, given_floats, g, memory):  #
     put(result[BALL_POSITION:], add(point, centre))
     result[APPROACH], result[LOST] = 0.0 - u3, state.energy_lost
     sound = (state.doubt == 0.0) & (magnitude(state.energy_lost) < math.inf)
-    speed = 0.0 - u3
-    sound = sound & (speed > LEAST_APPROACH)
-    parting = ((u3 > LEAST_APPROACH) | (u3 == 0.0)) & (u3 < FASTEST) & (doubt == 0.0)
+    parting = (0.0 - u3 <= ROUNDING * terms) & (u3 < FASTEST)
+    sound = sound & (0.0 - u3 > SLOWEST)
     result[width] = choose(parting, PARTING, choose(sound, SLIDE - sticks, ANEW))
     for k in range(1, n):
         result[FIRST + k - 1] = senses[k] * (row_of[nv + k - 1] + bodies[k].jump)

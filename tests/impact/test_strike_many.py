@@ -68,6 +68,33 @@ def test_every_row_is_a_strike(seed, monkeypatch):
     assert StrikeStatus.FAILED.flag not in many.status
 
 
+@pytest.mark.parametrize("last", [1e-4, 1e-7])
+@pytest.mark.parametrize("mass", [0.43, 1e3])
+def test_rows_that_lose_digits_are_computed_at_once(last, mass, monkeypatch):
+    """A light last body, a ball that jams, many turns, a foot that moves along the ball's surface.
+
+    They agree with `strike` to the digits that it states.
+    """
+    rng = np.random.default_rng(0)
+    leg, ball = random_leg(np.random.default_rng(3), 5, last=last), kd.Ball(mass, 0.2)
+    contact = kd.Contact((2, 0.3, 1), 0.8, 1.0)
+    q, v = rng.uniform(-1.5, 0.5, (40, 5)), rng.normal(0.0, 5.0, (40, 5))
+    q[::5] += [2e6 * (leg.joint_unit(name) == "rad") for name in leg.joint_names]
+    postures = [leg.posture(row) for row in q]
+    for i in range(0, 40, 4):
+        row = contact.normal @ postures[i].jacobian
+        v[i] -= row * (row @ v[i]) / (row @ row)
+    monkeypatch.setattr(MODULE, "strike", not_to_be_called)
+    many = kd.strike_many(leg, q, v, ball, contact)
+    for i in np.flatnonzero(many.status < StrikeStatus.NO_IMPACT.flag):
+        one = kd.strike(postures[i], v[i], ball, contact)
+        assert (many.status[i] == StrikeStatus.STICKS.flag) == one.sticking
+        agrees(many.impulse[i], one.impulse, PROMISED + 10.0**-one.digits)
+        shares = PROMISED + 10.0**-one.joint_digits
+        agrees(many.joint_impulses[i], one.joint_impulses, float(shares.max()))
+    assert np.isin(StrikeStatus.SLIPS.flag, many.status)
+
+
 def test_one_ball_and_one_contact_serve_all_rows():
     q, v = np.array([[0.7, 0.5, -0.3], [0.4, 0.6, -0.2]]), np.array([[6.6, -14.5, 6.6]] * 2)
     one = kd.strike_many(LEG, q, v, BALL, CONTACT)

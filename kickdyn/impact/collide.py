@@ -18,6 +18,7 @@ from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, AfterApproach, Approach, find_approach
 from kickdyn.impact.compliant_contact import CompliantContact, State, Torque
+from kickdyn.impact.contact_phases import PLACE_ROUNDING, tightened
 from kickdyn.impact.force_model import (
     CONTACT_TIME,
     LINEAR,
@@ -212,12 +213,14 @@ class Collision(AfterApproach):
     def error(self) -> float:
         """Estimate of the numerical error of the impulse [N s], `tol` times the impulse or more.
 
-        It is twice the change of the impulse when the tolerance is 100 times tighter.
+        It is twice the change of the impulse when the tolerance is 100 times tighter, or more where
+        the deflection is so small that it has fewer digits.
         """
         equations = self._motion.equations.with_tolerance(max(self.tol * 1e-2, 1e-13))
         tighter = Collision(self.approach, equations.tol, _motion_of(equations))
         size = math.hypot(*self.impulse)
-        return max(2.0 * math.hypot(*(tighter.impulse - self.impulse)), max(self.tol, 1e-12) * size)
+        least = max(self.tol, 1e-12, 10.0 * PLACE_ROUNDING / self.deflection) * size
+        return max(2.0 * math.hypot(*(tighter.impulse - self.impulse)), least)
 
     @cached_property
     def joint_impulses(self) -> Array:
@@ -383,7 +386,22 @@ COLLIDE = MachineCode(_source, "the kernel of contacts that take time", 8.0)
 
 
 def _motion_of(equations: CompliantContact) -> ContactMotion:
-    """Return the motion from first contact to separation: by machine code if it has it and pays."""
+    """Return the motion from first contact to separation, with an error relative to its impulse."""
+    motion, lane = _integrated(equations), equations.lane
+    size = math.hypot(*equations.impulse(float(motion.times[-1]), motion.last))
+    with np.errstate(divide="ignore"):  # of a ball that is pressed through
+        loosening = tightened(
+            lane, size, equations.reduced_mass, motion.phases[-1, 0], equations.tol
+        )
+    if loosening[0] < lane.loosening[0]:
+        equations = equations.with_tolerance(equations.tol)
+        equations.lane.loosening[:] = loosening
+        motion = _integrated(equations)
+    return motion
+
+
+def _integrated(equations: CompliantContact) -> ContactMotion:
+    """Return the motion of a contact: by machine code if it has it and pays."""
     if equations.has_machine_code and COLLIDE.pays(SECONDS_OF_COLLIDE):
         from kickdyn.impact.collide_kernel import ContactKernel
 

@@ -29,6 +29,8 @@ from kickdyn.core.lanes import (
     choose,
     inlined,
     jitable,
+    larger,
+    magnitude,
     namespaces,
     sine_and_cosine,
     spread,
@@ -109,7 +111,8 @@ class Work(NamedTuple):
         joints: angles at first contact and speeds that scale them, `(2 nv, BATCH)`.
         columns: column at the beginning and at the end of the step, `(2, dim, BATCH)`.
         rates: of a column at each stage of the step, and at its end, `(13, dim, BATCH)`.
-        sums: axes in the world frame (9), scale of a column, and two estimates of the error.
+        sums: axes in the world frame (9), scale of a column, the first column, and two estimates
+            of the error.
         rows: which contact a lane has, -1 for none; -1 at first.
         bodies, motion, inertia, state: records of `kickdyn.robot.tree_kernel`.
     """
@@ -321,14 +324,14 @@ def energy_of(tree, lane, column, motion, inertia, bodies, i):
 @jitable
 def _load(i, row, given, lane, work):
     """Put contact `row` into lane i."""
-    table, joints, columns, scale = work
+    table, joints, columns, scale, start = work
     nv, dim = len(joints) // 2, columns.shape[1]
     for r in range(len(table)):
         table[r, i] = given[r, row] if r < GIVEN_ROWS else 0.0
     for r in range(2 * nv):
         joints[r, i] = given[GIVEN_ROWS + r, row]
     for r in range(dim):
-        columns[0, r, i] = columns[1, r, i] = given[GIVEN_ROWS + 2 * nv + r, row]
+        start[r, i] = columns[0, r, i] = columns[1, r, i] = given[GIVEN_ROWS + 2 * nv + r, row]
     time, speed = lane.expected[i], lane.speed[i]
     for k in range(nv):
         fast = joints[nv + k, i]
@@ -348,19 +351,20 @@ def _collide(tree, task, torque, given, answer, steps, work, rtol):
     lane, table, joints, columns, rates, sums, rows, bodies, motion, inertia, state = work
     task, dim, n = task[0], columns.shape[1], len(tree)
     lanes, lane, floats = batches(lane)[0], lane[0], state[0]
-    turned, scale, sums = sums[:9], sums[9 : 9 + dim], sums[9 + dim :]
+    turned, scale, start = sums[:9], sums[9 : 9 + dim], sums[9 + dim : 9 + 2 * dim]
+    sums, nv = sums[9 + 2 * dim :], n - 1
     memory = (
         lanes, batches(joints), batches(turned), batches(bodies), batches(motion),
         batches(inertia), batches(state)[0],
     )  # fmt: skip
     column, new = batches(columns[0]), batches(columns[1])
-    scales, total = batches(scale), batches(sums)
+    scales, starts, total = batches(scale), batches(start), batches(sums)
     rate, precision = batches(rates), event_precision(rtol)
     count, waiting, busy, kept = answer.shape[1], 0, 0, 0
     while True:
         for i in range(BATCH):
             if rows[i] < 0 and waiting < count:
-                _load(i, waiting, given, lane, (table, joints, columns, scale))
+                _load(i, waiting, given, lane, (table, joints, columns, scale, start))
                 floats.doubt[i] = 0.0
                 rows[i] = waiting
                 waiting, busy = waiting + 1, busy + 1
@@ -388,7 +392,15 @@ def _collide(tree, task, torque, given, answer, steps, work, rtol):
                 limit_step(lane, i)
         five, three = spread(0.0), spread(0.0)
         for m in range(dim):
-            per = 1.0 / (rtol * scales[m] + rtol * max(math.fabs(column[m]), math.fabs(new[m])))
+            drift = spread(0.0)  # of uniform motion
+            if m < nv:
+                drift = starts[nv + m]
+            elif 2 * nv <= m < 2 * nv + 3:
+                drift = starts[m + 3]
+            moved = starts[m] + lanes.time * drift
+            later = moved + lanes.step * drift
+            departure = larger(magnitude(column[m] - moved), magnitude(new[m] - later))
+            per = 1.0 / (rtol * lanes.loosening * (scales[m] + departure))
             a, b = total[m] * per, total[dim + m] * per
             five, three = five + a * a, three + b * b
         total[0], total[1] = five, three
@@ -490,7 +502,7 @@ class ContactKernel:
             steps: array for the steps of the first contact, or none.
         """
         n = lanes.height.shape[-1]
-        rows = [getattr(lanes, name).reshape(-1, n) for name in GIVEN]
+        rows = [np.atleast_2d(getattr(lanes, name)) for name in GIVEN]  # n may be 0
         given = np.ascontiguousarray(np.concatenate([*rows, *table]))
         answer = np.empty((RESULT + self._dim, n))
         code(*self._given_leg, given, answer, steps, self._memory(), max(tol, 3e-14))
@@ -503,7 +515,7 @@ class ContactKernel:
         return Work(
             lane, lane.view(float).reshape(-1, BATCH), aligned_zeros((2 * nv, BATCH)),
             aligned_zeros((2, dim, BATCH)), aligned_zeros((13, dim, BATCH)),
-            aligned_zeros((9 + 3 * dim, BATCH)), np.full(BATCH, -1),
+            aligned_zeros((9 + 4 * dim, BATCH)), np.full(BATCH, -1),
             aligned_zeros((nv + 1,), BODY), motion, aligned_zeros((nv + 1, nv + 1, BATCH)),
             aligned_zeros((1,), STATE),
         )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -11,7 +12,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.lanes import blank_records
-from kickdyn.core.validation import Array, ArrayLike
+from kickdyn.core.validation import Array, ArrayLike, length
 from kickdyn.impact.approach import AT_REST
 from kickdyn.impact.collide import (
     COLLIDE,
@@ -20,7 +21,7 @@ from kickdyn.impact.collide import (
     collide,
     takes_inflated_force,
 )
-from kickdyn.impact.contact_phases import LANE, set_lanes
+from kickdyn.impact.contact_phases import LANE, set_lanes, tightened
 from kickdyn.impact.force_model import LONGEST_CONTACT, ForceModel, chosen_spring
 from kickdyn.impact.strike_kernel import FASTEST
 from kickdyn.impact.strike_many import (
@@ -223,6 +224,17 @@ def _collide(
         setattr(lanes, name, field[..., chosen])
     table = angles[:, chosen], fast[:, chosen], columns[:, chosen]
     answer = kernel.run(COLLIDE(), lanes, table, tol, np.empty((0, 0)))
+    fallen = answer[1][:, None] * np.array(kernel.leg.model.gravity.linear)
+    with np.errstate(all="ignore"):
+        gained = answer[code.RESULT + 2 * nv + 3 :][:3].T - velocity[chosen] - fallen
+        size = length(gained) / lanes.inverse_mass
+        loosening = tightened(lanes, size, mass[chosen], answer[2], tol)
+    again = np.flatnonzero(loosening < lanes.loosening)
+    if again.size:
+        lanes.loosening = loosening
+        few = SimpleNamespace(**{name: field[..., again] for name, field in vars(lanes).items()})
+        rows_again = tuple(field[:, again] for field in table)
+        answer[:, again] = kernel.run(COLLIDE(), few, rows_again, tol, np.empty((0, 0)))
     exact = (answer[0] < code.DOUBTFUL) & np.isfinite(answer).all(axis=0)
     failed, chosen = chosen[answer[0] == code.PRESSED_THROUGH], chosen[exact]
     answer, place = answer[:, exact], np.arange(rows.start, rows.stop)[chosen]

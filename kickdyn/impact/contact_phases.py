@@ -53,6 +53,9 @@ BRIEF = 0.02, 1e-4
 """Time in which points come to rest, relative to the expected contact time, that one step may go
 beyond: where they slide straight, and where they turn, which takes ever shorter steps."""
 
+PLACE_ROUNDING = 1e-15
+"""Rounding of the deflection [m], of foot and ball a metre from the first joint."""
+
 SLIPS, STICKS, STARTS = 0.0, 1.0, 2.0
 """Kinds of friction: points slide, and friction opposes the sliding; friction stops them; they are
 about to slide, and friction opposes the direction in which the sliding grows."""
@@ -74,6 +77,7 @@ LANE = np.dtype(
         ("speed", float, BATCH),  # of the approach [m/s]
         ("expected", float, BATCH),  # contact time of the two masses alone [s]
         ("first_step", float, BATCH),  # [s]
+        ("loosening", float, BATCH),  # tolerance of its error over the integrator's
         ("energy", float, BATCH),  # of the approach [J]
         ("spin", float, BATCH),  # scale of the ball's spin [rad/s]
         ("kind", float, BATCH),  # of friction
@@ -137,6 +141,7 @@ def set_lanes(
     stiffness, exponent, restitution, time = spring
     lane.stiffness[:], lane.exponent[:], lane.share[:] = stiffness, exponent, restitution**2
     lane.rate[:], lane.expected[:], lane.speed[:] = STABILIZATION_RATE / time, time, speed
+    lane.loosening[:] = np.maximum(1.0, PLACE_ROUNDING / (tol * speed * time))
     lane.resting[:], lane.energy[:] = RESTING * tol * speed, 0.5 * mass * speed * speed
     lane.first_step[:] = lane.step[:] = time * min(FIRST_STEP * tol ** (2 / 7), 0.3)
     lane.spin[:] = np.where(spin > 0.0, spin, speed / lane.radius)
@@ -144,6 +149,24 @@ def set_lanes(
     slips = size > 2.0 * lane.resting
     lane.kind[:] = np.where(slips, SLIPS, STARTS)
     lane.along[:] = np.where(slips, sliding / np.where(slips, size, 1.0), 0.0)
+
+
+def tightened(lane: Any, impulse: Any, mass: Any, deflection: Any, tol: float) -> Any:
+    """Return `loosening` of contacts whose impulse is small because the foot recedes from the ball.
+
+    Their first integration has an error relative to the impulse that stops the approach. A second
+    one has it relative to their own impulse, unless rounding of the deflection is larger.
+
+    Args:
+        lane: fields of `LANE`, arrays of n.
+        impulse: its size [N s].
+        mass: reduced, of leg and ball along the normal [kg].
+        deflection: the largest [m].
+        tol: tolerance of the integrator.
+    """
+    share = impulse / (mass * lane.speed)
+    least = share * np.maximum(1.0, PLACE_ROUNDING / (tol * deflection))
+    return np.where(share < 0.1, np.minimum(least, lane.loosening), lane.loosening)
 
 
 @inlined
@@ -235,6 +258,7 @@ def _precision(lane, i, which, precision):
 
     `precision` is relative. The forces change continuously there, except where points come to rest.
     """
+    precision = max(precision, min(precision * lane.loosening[i], 1e-6))
     if which == 0 and lane.largest[i] == 0.0:
         return precision * lane.speed[i]
     if which < 2:

@@ -276,6 +276,23 @@ def test_the_error_is_no_less_than_estimated(tol):
     assert rough.energy_residual < integrated(tol)
 
 
+@pytest.mark.parametrize(("speed", "pull"), [(2e-6, 0), (2e-6, 9), (3e-4, 30), (0.03, 30)])
+def test_a_foot_that_grazes_the_ball(speed, pull):
+    """It goes across at 10 m/s and is pulled back: a linear spring has d'' = -w^2 d - a."""
+    ball, leg, contact = kd.Ball(pressure=80e3), rails("xy"), kd.Contact(AHEAD, 1.0)
+    w, x = math.sqrt(ball.stiffness * (0.5 + 1 / ball.mass)), 2.0 * math.atan2(1.0, pull)
+    exact = 2.0 * math.sin(x / 2) ** 2 - pull * (x - math.sin(x))  # x: w times the contact time
+    kick = leg.posture([0.0, 0.0]), [speed, 10.0], ball, contact
+    linear = {"stiffness": "pressure", "torque": [-2.0 * pull * w * speed, 0.0]}
+    hertz = {"contact_time": 0.01, "torque": [-200.0 * pull * speed, 0.0]}
+    fine = kd.collide(*kick, **hertz, tol=1e-12).impulse[0]
+    for options, right in ((linear, exact * ball.stiffness * speed / w**2), (hertz, fine)):
+        one = kd.collide(*kick, **options)
+        many = kd.collide_many(leg, [[0, 0]], [[speed, 10.0]], ball, contact, tol=1e-9, **options)
+        bound = min(integrated(1e-9) + 1e-14 / one.deflection, 30.0 * one.error / right)
+        assert [one.impulse[0], many.impulse[0, 0]] == pytest.approx([right] * 2, rel=bound)
+
+
 def test_a_foot_that_turns_turns_the_force():
     """The plane of contact goes with the foot, by the angle that it turns in the meantime."""
     collision = human()

@@ -32,8 +32,7 @@ def two_balls(seed, friction=0.3, e=0.7):
 def states_after(problem, states, solution):
     """The states of the balls, which are the first bodies."""
     impulses = solution.impulses, solution.tangential_impulses
-    balls = zip(problem.bodies, states, strict=False)
-    return [ball.after(state, *impulses) for ball, state in balls]
+    return [b.after(x, *impulses) for b, x in zip(problem.bodies, states, strict=False)]
 
 
 @pytest.mark.parametrize("law", ["newton", "stronge"])

@@ -71,7 +71,6 @@ class Collision(AfterApproach):
 
     @cached_property
     def _end(self) -> State:
-        """Leg and ball at separation."""
         end = self._motion.equations.state(self._motion.last)
         return end._replace(q=read_only(end.q), v=read_only(end.v))
 
@@ -459,7 +458,6 @@ def _checked_torque(torque: ArrayLike | Torque | None, nv: int) -> Array | Torqu
 def _force_model(
     approach: Approach, contact_time: float | None, stiffness: float | str | None
 ) -> NormalForce:
-    """Return the force model with the restitution of an approach."""
     given, e = checked_stiffness(contact_time, stiffness), approach.restitution
     if takes_inflated_force(approach.contact, contact_time, given):
         return InflatedForce.of(approach.ball)

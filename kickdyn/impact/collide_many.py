@@ -274,7 +274,6 @@ def _spring(
     speed: Array, mass: Array, bodies: tuple[list[Ball], ContactRows], options: dict[str, Any],
     ready: NDArray[np.bool_],
 ) -> tuple[Any, float, Array, Any]:  # fmt: skip
-    """Return stiffness, exponent, restitution and expected contact time of contacts."""
     (balls, contacts), n = bodies, len(speed)
     restitution = contacts.restitution * np.ones(n)
     for i in np.flatnonzero(ready & np.isnan(restitution)).tolist():

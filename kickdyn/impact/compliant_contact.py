@@ -111,7 +111,6 @@ class CompliantContact:
         return isinstance(self.force_model, ForceModel) and not callable(self.torque)
 
     def _first_lane(self) -> SimpleNamespace:
-        """Return the lane at first contact."""
         (lane,), ball, posture = blank_records(LANE, 1, 1), self.ball, self.approach.posture
         frame = self.leg.workspace.model.jointPlacements[1].translation
         lane.axes[:], lane.arm[:] = self._axes.T.reshape(9, 1), np.array([self._arm]).T

@@ -156,7 +156,6 @@ def _integrate(equations: CompliantContact) -> ContactMotion:
 
 
 def _failure(equations: CompliantContact, error: float) -> str:
-    """Return why an integration failed."""
     lane, expected = equations.lane, equations.expected
     t, speed = float(lane.time[0]), equations.approach.speed
     if not math.isfinite(error):

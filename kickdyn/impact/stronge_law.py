@@ -163,7 +163,6 @@ class _Course:
             end -= p
 
     def _work_due(self) -> float:
-        """Return the work that restitution has not returned yet."""
         return max(0.0, self.share * self.compression_work - self.restitution_work)
 
     def _curve(self) -> bool:
@@ -233,7 +232,6 @@ class _Course:
 
 
 def _square(series: list[float]) -> float:
-    """Return the last coefficient of the square of a series."""
     return sum(map(mul, series, reversed(series)), 0.0)
 
 

@@ -419,7 +419,6 @@ def _motion(model: Any, data: Any, q: Array, place: _Place) -> tuple[Array, Arra
 
 
 def _is_open(gaps: Array) -> bool:
-    """Return whether a gap is wider than Newton's method leaves it."""
     return bool(np.abs(gaps).max() > LOOP_TOLERANCE / 10)
 
 

@@ -201,7 +201,6 @@ def _yeadon(human: Any, side: str, height: float) -> dict[str, Segment]:
 
 
 def _de_leva(link: str, row: tuple[float, ...], sex: Sex) -> Segment:
-    """Return a segment of de Leva."""
     mass, length, share, *radii = row
     length /= DE_LEVA_HEIGHT[sex]
     along = np.array([0.0, 0.0, -length])
@@ -215,7 +214,6 @@ def _de_leva(link: str, row: tuple[float, ...], sex: Sex) -> Segment:
 
 
 def _dumas(link: str, row: tuple[Any, ...], sex: Sex) -> Segment:
-    """Return a segment of Dumas."""
     height, (mass, size, place, radii) = DUMAS_HEIGHT[sex], row
     centre, end = size * np.array(place), np.array([0.0, -size, 0.0])
     if link == "foot":
@@ -372,7 +370,6 @@ def _inertial(segment: Segment) -> Element:
 
 
 def _stretch_shapes(link: Element, stretch: tuple[float, ...]) -> None:
-    """Multiply the scale of the meshes of a link; pins keep their shape."""
     for mesh in link.iter("mesh"):
         is_pin = mesh.get("filename", "").endswith("pin.stl")
         by = np.full(3, stretch[1]) if is_pin else np.array(stretch)
@@ -380,7 +377,6 @@ def _stretch_shapes(link: Element, stretch: tuple[float, ...]) -> None:
 
 
 def _add_contact_points(root: Element, medial: float) -> None:
-    """Add links without mass at the contact points of the boot."""
     mesh = next(mesh for mesh in root.iter("mesh") if mesh.get("filename", "").endswith("boot.stl"))
     stretch = _numbers(mesh.get("scale", "")) * (1.0, medial, 1.0)
     for name, point in CONTACT_POINTS.items():

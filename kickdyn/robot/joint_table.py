@@ -201,7 +201,6 @@ class JointTable:
 
     @cached_property
     def _columns(self) -> dict[str, int]:
-        """The indices in v of the joints of one degree of freedom, by name."""
         names, model = self.joint_names, self._model
         return {name: model.idx_vs[k] for k, name in enumerate(names, 1) if model.nvs[k] == 1}
 

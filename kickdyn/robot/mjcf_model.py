@@ -109,7 +109,6 @@ class _Builder:
         resolve_mimics(self.mimics)  # refuses joints that mimic each other
 
     def _place(self, joint: int, position: Array, rotation: Array) -> Any:
-        """Return a pose in the world as seen from a joint."""
         return self.origins[joint].actInv(_pose(position, rotation))
 
     def _add_body(self, body: int) -> None:
@@ -185,7 +184,6 @@ class _Builder:
             self.model.addFrame(frame, False)
 
     def _set_limits(self) -> None:
-        """Set ranges, limits of torque and rotor inertias."""
         compiled, model = self.compiled, self.model
         lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
         effort, armature = np.full(model.nv, math.inf), np.zeros(model.nv)

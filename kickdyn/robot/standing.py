@@ -335,7 +335,6 @@ def _flat_on_ground(robot: Leg, support: Support) -> tuple[Any, Array]:
 
 
 def _is_level(corners: Array) -> bool:
-    """Return whether corners, `(k, 3)` [m, world axes], have nearly the same height."""
     size = np.ptp(corners, axis=0)
     return bool(size[2] <= SOLE_THICKNESS + 0.01 * size.max())
 

@@ -207,7 +207,7 @@ def landings(
     whether the balls fly in it, or one after the other.
     """
     launched = tuple(event.launched(states) for event in events)
-    flown = _flown(_Task(states, ball, air, launched, time_limit, machine_code), tol)
+    flown = _flown(_Task(states, ball, air, launched, time_limit, machine_code, False), tol)
     nodes = flown.nodes
     vectors = states.position + nodes[:, 1:4], nodes[:, 4:7], nodes[:, 7:8] * states.spin
     return BallState.computed(*vectors, nodes[:, 0]), flown.status
@@ -221,7 +221,7 @@ def carries(
     Both have shape `(n,)`; `machine_code` is that of `landings`.
     """
     ends = (ground_event(ball, None).launched(states),)
-    flown = _flown(_Task(states, ball, air, ends, TIME_LIMIT, machine_code), tol)
+    flown = _flown(_Task(states, ball, air, ends, TIME_LIMIT, machine_code, False), tol)
     return np.hypot(flown.nodes[:, 1], flown.nodes[:, 2]), flown.status == LANDED
 
 
@@ -253,6 +253,7 @@ def integrate_many(
     scales: Sequence[Any],
     tol: float,
     time_limit: float,
+    apex: bool = False,
 ) -> "Flown":
     """Return n flights by machine code for their rates, such as `compiled_rates`.
 
@@ -267,7 +268,7 @@ def integrate_many(
     columns = *scales[:2], tol, scales[2], 0.1 * tol ** (1.0 / 3.0)
     tolerance = np.column_stack([np.broadcast_to(column, n) for column in columns])
     inputs = [np.array(x, dtype=float, order="C") for x in (*launch, numbers, tolerance)]
-    results = np.empty((n, 16)), np.empty(n, np.int8), np.zeros(n, np.int64)
+    results = np.empty((n, 16 if apex else 8)), np.empty(n, np.int8), np.zeros(n, np.int64)
     flights = Flights._make([*inputs, np.empty((n, 8 + 2 * len(ends))), *results])
     values = compiled_ends(tuple(end.function for end in ends), tuple(end.name for end in ends))
     code = MARCH(), _READING[known < len(ends)](), rates, values
@@ -297,10 +298,14 @@ class _Task(NamedTuple):
     ends: tuple[Event, ...]
     time_limit: float
     machine_code: bool
+    apex: bool = True  # whether it is asked; else its numbers may be any
 
 
 class Flown(NamedTuple):
-    """Nodes `(n, 16)`, status and evaluations `(n,)` of n flights, as in `march.Flights`."""
+    """Nodes `(n, 16)`, or `(n, 8)` without apex, status and evaluations `(n,)` of n flights.
+
+    They are as in `march.Flights`.
+    """
 
     nodes: Array
     status: NDArray[np.int8]
@@ -308,7 +313,7 @@ class Flown(NamedTuple):
 
     def put(self, rows: NDArray[Any], flown: "Flown") -> None:
         """Fill in other flights at some rows."""
-        self.nodes[rows], self.status[rows] = flown.nodes, flown.status
+        self.nodes[rows, : flown.nodes.shape[1]], self.status[rows] = flown.nodes, flown.status
         self.evaluations[rows] = flown.evaluations
 
 
@@ -339,7 +344,8 @@ def _slopes(task: _Task, events: Sequence[Event], tol: float) -> Rows:
     def landing(name: str, change: Array) -> Array:
         changed = replace(states, **{name: getattr(states, name) + change})
         launched = tuple(event.launched(changed) for event in events)
-        flown = _flown(task._replace(states=changed, ends=launched), min(tol, DIFFERENCES_TOL))
+        changes = task._replace(states=changed, ends=launched, apex=False)
+        flown = _flown(changes, min(tol, DIFFERENCES_TOL))
         return flown.nodes[:, 1:4]
 
     by_velocity, by_spin = (
@@ -425,6 +431,7 @@ def _integrate(
         (length[rows], pace[rows], math.inf if longest is None else longest[rows]),
         tol,
         task.time_limit,
+        task.apex,
     )
     landed = flown.status == LANDED
     flown.nodes[landed, 3] = -drop[rows][landed]  # by definition; else but for rounding

@@ -35,7 +35,7 @@ from kickdyn.flight.forces import (
     is_ballistic,
     tolerances,
 )
-from kickdyn.flight.integrate import Arc, Run, Tolerance, alone, integrate, trajectory
+from kickdyn.flight.integrate import Arc, Integration, Run, Tolerance, alone, trajectory
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
@@ -210,10 +210,8 @@ def fly_arc(
     """Integrate a flight to the first of its ends, with the numbers of this launch; else raise."""
     equations = FlightEquations(state, ball, air)
     try:
-        arc = yield from integrate(
-            equations.rates, equations.begin, [*ends, CREST], time_limit, tolerance,
-            keep_steps=keep_steps,
-        )  # fmt: skip
+        integration = Integration(equations.rates, [*ends, CREST], time_limit, tolerance)
+        arc = yield from integration.run(equations.begin, keep_steps=keep_steps)
     except KickdynError as error:
         fault = equations.fault
         if fault is None:

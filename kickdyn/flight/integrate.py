@@ -137,28 +137,6 @@ def alone(run: Run[T]) -> T:
     return result
 
 
-def integrate(
-    rates: Rates,
-    begin: Array,
-    events: Sequence[Event],
-    time_limit: float,
-    tolerance: Tolerance,
-    *,
-    keep_steps: bool = True,
-) -> Run[Arc]:
-    """Integrate from states at time 0 to the first terminal event, or to the time limit [s].
-
-    The states belong to `FlightEquations`, or of another motion with the same seven states. An
-    event whose function is zero at the start counts at once unless the function rises first.
-
-    Raises:
-        InvalidInput: the function of an event raised, or is not a number, where the ball is.
-        KickdynError: the integrator gave up.
-    """
-    integration = _Integration(rates, events, time_limit, tolerance)
-    return integration.run(begin, [] if keep_steps else None)
-
-
 class _Fall(NamedTuple):
     """Fractions of a step between which an event's function falls through zero, and about where."""
 
@@ -185,7 +163,7 @@ class Step:
     ahead: list[float]
 
     def __init__(
-        self, motion: "_Integration", begin: float, before: Array, rates: Array, length: float
+        self, motion: "Integration", begin: float, before: Array, rates: Array, length: float
     ) -> None:
         self.motion, self.begin, self.before = motion, begin, before
         self.rates, self.length = rates, length
@@ -312,8 +290,8 @@ class Step:
         return time, state(time)
 
 
-class _Integration:
-    """Integration of some rates up to some events."""
+class Integration:
+    """Integration of some rates to the first terminal event, or to the time limit [s]."""
 
     def __init__(
         self, rates: Rates, events: Sequence[Event], time_limit: float, tolerance: Tolerance
@@ -321,8 +299,15 @@ class _Integration:
         self.rates, self.tolerance = rates, tolerance
         self._events, self._time_limit, self._evaluations = events, time_limit, 0
 
-    def run(self, state: Array, steps: list[Step] | None) -> Run[Arc]:
-        """Return the solution from some states; the list gets its steps."""
+    def run(self, state: Array, *, keep_steps: bool = True) -> Run[Arc]:
+        """Return the solution from states at time 0, those of `FlightEquations` or as many others.
+
+        An event whose function is zero at the start counts at once unless the function rises first.
+
+        Raises:
+            InvalidInput: the function of an event raised, or is not a number, where the ball is.
+            KickdynError: the integrator gave up.
+        """
         time, rates = 0.0, np.array(self.rates(state.tolist()))
         if not np.isfinite(rates).all():
             raise KickdynError("the acceleration of the ball is not finite at 0 s")
@@ -330,6 +315,7 @@ class _Integration:
         if reached is not None:
             return Arc(time, state, reached, [], 0, [])
         passed: list[Crossing] = []
+        steps: list[Step] = []
         self._length = _first_length(state, rates, self.tolerance)
         shortly = DIFFERENCE * min(self._length, self._time_limit)
         begin, ahead = state.tolist(), (state + shortly * rates).tolist()
@@ -339,12 +325,12 @@ class _Integration:
             values[event] = value, (event.value_or_nan(ahead) - value) / shortly
         while time < self._time_limit:
             step, falls = yield from self._step_to(time, state, rates, values)
-            if steps is not None:
+            if keep_steps:
                 steps.append(step)
             crossings = [(*step.locate(event, fall), event) for event, fall in falls.items()]
             for time, state, event in sorted(crossings, key=lambda crossing: crossing[0]):
                 if event.terminal:
-                    return Arc(time, state, event, passed, self._evaluations, steps or [])
+                    return Arc(time, state, event, passed, self._evaluations, steps)
                 passed.append((time, state))
             values = step.last_values()
             time, state, rates = step.begin + step.length, step.state, step.stages[STAGES]
@@ -353,7 +339,7 @@ class _Integration:
             fraction = min(foreseen, default=1.0)
             if fraction < 1.0 - EVENT_MARGIN:
                 self._length = (1.0 + 0.5 * EVENT_MARGIN) * fraction * length
-        return Arc(time, state, None, passed, self._evaluations, steps or [])
+        return Arc(time, state, None, passed, self._evaluations, steps)
 
     def _step_to(
         self, time: float, state: Array, rates: Array, values: dict[Event, tuple[float, float]]

@@ -11,7 +11,7 @@ from kickdyn.aerodynamics.drag import constant
 from kickdyn.flight.events import ground_event
 from kickdyn.flight.fly import fly_arc
 from kickdyn.flight.forces import FINEST, FlightEquations
-from kickdyn.flight.integrate import Tolerance, alone, integrate
+from kickdyn.flight.integrate import Integration, Tolerance, alone
 
 BALL = kd.Ball()
 
@@ -44,7 +44,7 @@ def test_the_error_falls_with_about_the_eighth_power_of_the_evaluations(velocity
 
     def arc(tol):
         tolerance = Tolerance(max(tol, FINEST), np.full(7, tol))
-        return alone(integrate(motion.rates, motion.begin, [], end, tolerance))
+        return alone(Integration(motion.rates, [], end, tolerance).run(motion.begin))
 
     exact = arc(1e-14).state
     arcs = [arc(10.0**-k) for k in np.arange(3, 10.6, 0.25)]

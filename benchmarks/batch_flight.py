@@ -158,8 +158,10 @@ def solved(state: kd.BallState, air: kd.Air, tol: float, times: Array) -> Array:
 
     height.terminal, height.direction = True, -1  # type: ignore[attr-defined]
     scale = np.maximum(np.abs(motion.begin), 1.0)
-    answer = solve_ivp(motion.rates, (0, 30), motion.begin, "DOP853", events=height, rtol=tol,
-                       atol=tol * scale, dense_output=True)  # fmt: skip
+    answer = solve_ivp(
+        lambda _, y: motion.rates(y.tolist()), (0, 30), motion.begin, "DOP853", events=height,
+        rtol=tol, atol=tol * scale, dense_output=True,
+    )  # fmt: skip
     answer.sol(times * answer.t_events[0][-1])
     return np.asarray(answer.y_events[0][-1][:3])
 

@@ -130,7 +130,13 @@ def _land_by_scipy(
         motion = FlightEquations(state, ball, air)
         scale = np.maximum(np.abs(motion.begin), 1.0)
         answer = solve_ivp(
-            motion.rates, (0, 30), motion.begin, name, events=height, rtol=tol, atol=tol * scale
+            lambda _, y, motion=motion: motion.rates(y.tolist()),
+            (0, 30),
+            motion.begin,
+            name,
+            events=height,
+            rtol=tol,
+            atol=tol * scale,
         )
         landings.append(state.position + answer.y_events[0][-1][:3])
         calls += answer.nfev

@@ -178,11 +178,7 @@ def smoothstep(x: float, low: float, high: float) -> float:
     It is :math:`s^4 (35 - 84 s + 70 s^2 - 20 s^3)` with :math:`s = \ln(x/low) / \ln(high/low)`.
     A kink in the third derivative already costs an integrator of order 8 digits.
     """
-    if x <= low:
-        return 0.0
-    if x >= high:
-        return 1.0
-    s = math.log(x / low) / math.log(high / low)
+    s = math.log(min(max(x, low), high) / low) / math.log(high / low)
     t = min(s, 1.0 - s)  # the polynomial is its own mirror image, and cancels near 1
     square = t * t
     value = square * square * (35.0 - 84.0 * t + 70.0 * square - 20.0 * square * t)

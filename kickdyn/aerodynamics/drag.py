@@ -46,7 +46,7 @@ def brown_lawler(reynolds: float, spin_parameter: float = 0.0) -> float:
 
     Brown & Lawler 2003, J. Environ. Eng. 129:222.
     """
-    correction = 1.0 + 0.150 * math.pow(reynolds, 0.681)
+    correction = 1.0 + 0.150 * math.exp(0.681 * math.log(reynolds))
     return 24.0 / reynolds * correction + 0.407 / (1.0 + 8710.0 / reynolds)
 
 
@@ -58,7 +58,7 @@ def sphere(reynolds: float, spin_parameter: float = 0.0) -> float:
     """
     weight = smoothstep(reynolds, 1.0, 10.0)
     creeping = stokes(reynolds)
-    return creeping + weight * (brown_lawler(reynolds) - creeping) if weight else creeping
+    return creeping + weight * (brown_lawler(reynolds) - creeping)
 
 
 FAST = 7e4
@@ -134,8 +134,6 @@ def soccer(ball: SoccerBall) -> Coefficient:
         if reynolds >= FAST:
             return fast(reynolds, spin_parameter)
         weight = smoothstep(reynolds, 2e4, FAST)
-        if weight == 0.0:
-            return sphere(reynolds)
         return sphere(reynolds) * (1 - weight) + fast(reynolds, spin_parameter) * weight
 
     return coefficient

@@ -8,18 +8,19 @@ from kickdyn.core.lanes import inlined
 STAGES = DOP853.n_stages
 """Evaluations of a step. Row 0 of the rates is of its beginning, row `STAGES` of its end."""
 
-_TABLE = np.vstack([DOP853.A, DOP853.B, DOP853.E5[:-1], DOP853.E3[:-1]])
+TABLE = np.vstack([DOP853.A, DOP853.B, DOP853.E5[:-1], DOP853.E3[:-1]])
+"""Weights of the rates in stage i, in the step itself, and in two error estimates."""
 
-COUNT = np.count_nonzero(_TABLE, axis=1)
+COUNT = np.count_nonzero(TABLE, axis=1)
 """How many rates stage i is a weighted sum of; then the step itself, and two error estimates."""
 
-WHICH_RATE = np.zeros((len(_TABLE), STAGES + 4), np.int64)
+WHICH_RATE = np.zeros((len(TABLE), STAGES + 4), np.int64)
 """Which rates these are, the first ones of each row; some zeros follow."""
 
 WEIGHT = np.zeros(WHICH_RATE.shape)
 """Their weights, none of them 0."""
 
-for _k, _row in enumerate(_TABLE):
+for _k, _row in enumerate(TABLE):
     _used = np.flatnonzero(_row)
     WHICH_RATE[_k, : len(_used)], WEIGHT[_k, : len(_used)] = _used, _row[_used]
 
@@ -37,15 +38,3 @@ def first_step(size: float, change: float, longest: float) -> float:
     """
     size = max(size, 1.0)
     return min(size / change * (0.01 / size) ** 0.125, longest) if change > 0.0 else longest
-
-
-def keep_stages(solver: DOP853) -> DOP853:
-    """Return a solver with the stages of the last step, for an interpolant that is read later.
-
-    It takes a quarter more evaluations, and the next step overwrites the stages.
-    """
-    copy = DOP853.__new__(DOP853)
-    copy.__dict__.update(solver.__dict__)
-    copy.K_extended = solver.K_extended.copy()
-    copy.K = copy.K_extended[: DOP853.n_stages + 1]
-    return copy

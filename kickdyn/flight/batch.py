@@ -1,4 +1,4 @@
-"""Many flights: the answers of `fly`, one after the other or thousands in machine code."""
+"""Many flights: the answers of `fly`, in Python or, for thousands, in machine code."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from kickdyn.core import validation
 from kickdyn.core.compilation import MachineCode, Source
 from kickdyn.core.mechanics import difference_slopes
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import (
     NUMBERS,
     Event,
@@ -39,7 +39,7 @@ from kickdyn.flight.flight_result import (
     outside_ranges,
     refinement,
 )
-from kickdyn.flight.fly import fly_arc
+from kickdyn.flight.fly import flight_tolerance, fly_arc
 from kickdyn.flight.forces import (
     FINEST,
     MAX_SPEED,
@@ -50,8 +50,12 @@ from kickdyn.flight.forces import (
     is_ballistic,
     tolerances,
 )
+from kickdyn.flight.integrate import Run, Tolerance, side_by_side
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
+
+TOGETHER = 50
+"""Flights whose steps numpy computes together where there is no machine code."""
 
 TIME_LIMIT = 1000.0
 """Time after which a flight ends if the ball has not come down [s]."""
@@ -73,7 +77,7 @@ def fly_many(
 ) -> xr.Dataset:
     """Return the flights of a ball from many launches.
 
-    The results are as from `fly`. Some hundred flights are computed by it, one after the other.
+    The results are as from `fly`. Some thousand flights are computed as by it, in Python.
     Machine code, which is a hundred times as fast, is loaded or compiled when the calls of a
     process have taken as long as that would, half a second or eight; a new air, ball or event then
     takes another one. Both ways keep the tolerance, with errors of their own.
@@ -203,7 +207,7 @@ def landings(
     whether the balls fly in it, or one after the other.
     """
     launched = tuple(event.launched(states) for event in events)
-    flown = _flown(_Task(states, ball, air, launched, time_limit, machine_code), tol)
+    flown = _flown(_Task(states, ball, air, launched, time_limit, machine_code, False), tol)
     nodes = flown.nodes
     vectors = states.position + nodes[:, 1:4], nodes[:, 4:7], nodes[:, 7:8] * states.spin
     return BallState.computed(*vectors, nodes[:, 0]), flown.status
@@ -217,13 +221,13 @@ def carries(
     Both have shape `(n,)`; `machine_code` is that of `landings`.
     """
     ends = (ground_event(ball, None).launched(states),)
-    flown = _flown(_Task(states, ball, air, ends, TIME_LIMIT, machine_code), tol)
+    flown = _flown(_Task(states, ball, air, ends, TIME_LIMIT, machine_code, False), tol)
     return np.hypot(flown.nodes[:, 1], flown.nodes[:, 2]), flown.status == LANDED
 
 
 def seconds_of_fly(tol: float) -> float:
-    """Return the processor time of one `fly`, roughly [s]."""
-    return float(1.2e-3 * (1e-9 / tol) ** 0.125)
+    """Return the processor time of one of many flights in Python, roughly [s]."""
+    return float(0.6e-3 * (1e-9 / tol) ** 0.125)
 
 
 def _source(within: bool | None = None) -> Source:
@@ -249,6 +253,7 @@ def integrate_many(
     scales: Sequence[Any],
     tol: float,
     time_limit: float,
+    apex: bool = False,
 ) -> "Flown":
     """Return n flights by machine code for their rates, such as `compiled_rates`.
 
@@ -263,7 +268,7 @@ def integrate_many(
     columns = *scales[:2], tol, scales[2], 0.1 * tol ** (1.0 / 3.0)
     tolerance = np.column_stack([np.broadcast_to(column, n) for column in columns])
     inputs = [np.array(x, dtype=float, order="C") for x in (*launch, numbers, tolerance)]
-    results = np.empty((n, 16)), np.empty(n, np.int8), np.zeros(n, np.int64)
+    results = np.empty((n, 16 if apex else 8)), np.empty(n, np.int8), np.zeros(n, np.int64)
     flights = Flights._make([*inputs, np.empty((n, 8 + 2 * len(ends))), *results])
     values = compiled_ends(tuple(end.function for end in ends), tuple(end.name for end in ends))
     code = MARCH(), _READING[known < len(ends)](), rates, values
@@ -293,10 +298,14 @@ class _Task(NamedTuple):
     ends: tuple[Event, ...]
     time_limit: float
     machine_code: bool
+    apex: bool = True  # whether it is asked; else its numbers may be any
 
 
 class Flown(NamedTuple):
-    """Nodes `(n, 16)`, status and evaluations `(n,)` of n flights, as in `march.Flights`."""
+    """Nodes `(n, 16)`, or `(n, 8)` without apex, status and evaluations `(n,)` of n flights.
+
+    They are as in `march.Flights`.
+    """
 
     nodes: Array
     status: NDArray[np.int8]
@@ -304,7 +313,7 @@ class Flown(NamedTuple):
 
     def put(self, rows: NDArray[Any], flown: "Flown") -> None:
         """Fill in other flights at some rows."""
-        self.nodes[rows], self.status[rows] = flown.nodes, flown.status
+        self.nodes[rows, : flown.nodes.shape[1]], self.status[rows] = flown.nodes, flown.status
         self.evaluations[rows] = flown.evaluations
 
 
@@ -335,7 +344,8 @@ def _slopes(task: _Task, events: Sequence[Event], tol: float) -> Rows:
     def landing(name: str, change: Array) -> Array:
         changed = replace(states, **{name: getattr(states, name) + change})
         launched = tuple(event.launched(changed) for event in events)
-        flown = _flown(task._replace(states=changed, ends=launched), min(tol, DIFFERENCES_TOL))
+        changes = task._replace(states=changed, ends=launched, apex=False)
+        flown = _flown(changes, min(tol, DIFFERENCES_TOL))
         return flown.nodes[:, 1:4]
 
     by_velocity, by_spin = (
@@ -391,10 +401,6 @@ def _closed_forms(task: _Task, rows: NDArray[np.bool_]) -> Flown:
 def _integrate(
     task: _Task, rows: slice | NDArray[np.intp], tol: float, longest: Array | None
 ) -> Flown:
-    if not task.machine_code:
-        return _one_by_one(task, np.arange(len(task.states.position))[rows], tol, longest)
-    from kickdyn.flight.compiling import compiled_rates
-
     states, ball, ends = task.states, task.ball, task.ends
     air = VACUUM if task.air is None else task.air
     drop, height = np.asarray(ends[0].numbers[0]), states.position[:, 2]
@@ -403,7 +409,19 @@ def _integrate(
     else:
         wind = np.full(len(drop), math.hypot(*air.wind))
     speed = validation.length(states.velocity)
-    _, length, pace = tolerances(speed, drop, wind, ball, air, tol)
+    relative, length, pace = tolerances(speed, drop, wind, ball, air, tol)
+    if not task.machine_code:
+        which = np.arange(len(height))[rows]
+        tolerance = [
+            flight_tolerance(
+                relative, (float(length[i]), float(pace[i]), tol),
+                None if longest is None else float(longest[i]),
+            )
+            for i in which
+        ]  # fmt: skip
+        return _in_python(task, which, tolerance)
+    from kickdyn.flight.compiling import compiled_rates
+
     decays = _spins(states) & brakes(air, np.ones(3))
     flown = integrate_many(
         compiled_rates(ball, air),
@@ -413,32 +431,37 @@ def _integrate(
         (length[rows], pace[rows], math.inf if longest is None else longest[rows]),
         tol,
         task.time_limit,
+        task.apex,
     )
     landed = flown.status == LANDED
     flown.nodes[landed, 3] = -drop[rows][landed]  # by definition; else but for rounding
     return flown
 
 
-def _one_by_one(task: _Task, rows: NDArray[np.intp], tol: float, longest: Array | None) -> Flown:
+def _in_python(task: _Task, rows: NDArray[np.intp], tolerances: Sequence[Tolerance]) -> Flown:
     """Return flights as `fly` computes them."""
     states, air, n = task.states, VACUUM if task.air is None else task.air, len(rows)
     nodes, status = np.full((n, 16), np.nan), np.full(n, FAILED, np.int8)
     evaluations, numbers = np.zeros(n, np.int64), numbers_of(task.ends, len(states.position))
-    for i, row in enumerate(rows.tolist()):
+
+    def fly(i: int) -> Run[None]:
+        row = int(rows[i])
         state = BallState.computed(
             states.position[row], states.velocity[row], states.spin[row], 0.0
         )
         quadruples = numbers[row].reshape(-1, NUMBERS).tolist()
         ends = [replace(end, numbers=tuple(quadruples[k])) for k, end in enumerate(task.ends)]
-        step = None if longest is None else float(longest[i])
-        try:
-            flown = fly_arc(state, task.ball, air, tol, ends, task.time_limit, step)
-        except KickdynError:
-            continue
+        flown = yield from fly_arc(
+            state, task.ball, air, ends, task.time_limit, tolerances[i], keep_steps=False
+        )
         reached, evaluations[i] = flown.arc.reached, flown.arc.evaluations
-        nodes[i] = np.hstack([*flown.end, *flown.apex])
+        for k, (time, moved) in ((0, flown.end), (8, flown.apex)):
+            nodes[i, k], nodes[i, k + 1 : k + 8] = time, moved
         end = -1 if reached is None else ends.index(reached)
         status[i] = ALOFT if end < 0 else LANDED if end == 0 else FURTHER - 1 + end
+
+    for begin in range(0, n, TOGETHER):
+        side_by_side(map(fly, range(begin, min(begin + TOGETHER, n))))
     return Flown(nodes, status, evaluations)
 
 

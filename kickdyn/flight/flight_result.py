@@ -5,11 +5,10 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from kickdyn.aerodynamics.coefficient_model import CoefficientModel, is_known
 from kickdyn.air import Air
@@ -20,6 +19,9 @@ from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import KickdynError
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 SAMPLES = 101
 """Number of states of a flight, or of all flights of a course, that are compared with ranges."""
@@ -181,7 +183,7 @@ class Flight(ReprMixin):
         time = times if times.ndim else float(times)
         return BallState.computed(position, states[..., 3:6], spin, time)
 
-    def orientation(self, t: ArrayLike) -> Rotation:
+    def orientation(self, t: ArrayLike) -> "Rotation":
         r"""Return the rotation of the ball since its launch, in the world frame.
 
         The air brakes the spin but does not turn its axis, so the rotation vector is
@@ -191,6 +193,8 @@ class Flight(ReprMixin):
         Args:
             t: time since the launch, as for `sample` [s].
         """
+        from scipy.spatial.transform import Rotation  # takes 0.1 s
+
         times = validation.times(t, self.duration, "the flight")
         nodes, weights = np.polynomial.legendre.leggauss(32)  # spin is far smoother than the path
         share = self._trajectory(np.outer(times, 0.5 * (nodes + 1.0)).ravel())[:, 6]

@@ -35,7 +35,7 @@ from kickdyn.flight.forces import (
     is_ballistic,
     tolerances,
 )
-from kickdyn.flight.integrate import Arc, Tolerance, integrate, trajectory
+from kickdyn.flight.integrate import Arc, Integration, Run, Tolerance, alone, trajectory
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
@@ -188,31 +188,30 @@ class FlownArc(NamedTuple):
     apex: tuple[float, Array]  # time [s] and states at the highest point
 
 
+def flight_tolerance(
+    relative: float, absolute: tuple[float, float, float], max_step: float | None
+) -> Tolerance:
+    """Return the tolerance of a flight, with those of displacement, velocity and spin."""
+    length, pace, share = absolute
+    entries = np.array([length, length, length, pace, pace, pace, share])
+    return Tolerance(relative, entries, max_step or math.inf)
+
+
 def fly_arc(
     state: BallState,
     ball: Ball,
     air: Air,
-    tol: float,
     ends: Sequence[Event],
     time_limit: float,
-    max_step: float | None,
-) -> FlownArc:
+    tolerance: Tolerance,
+    *,
+    keep_steps: bool = True,
+) -> Run[FlownArc]:
     """Integrate a flight to the first of its ends, with the numbers of this launch; else raise."""
-    speed = math.hypot(*state.velocity)
-    if not speed <= MAX_SPEED:
-        raise InvalidInput(
-            f"launch speed is {speed:g} m/s: in air it must be at most {MAX_SPEED:g} m/s, the "
-            "speed of light"
-        )
     equations = FlightEquations(state, ball, air)
-    wind = _wind_speed(air, float(state.position[2]))
-    drop = ends[0].numbers[0]
-    relative, length, pace = tolerances(speed, drop, wind, ball, air, tol)
-    absolute = np.array([*3 * [length], *3 * [pace], tol])
-    tolerance = Tolerance(relative, absolute, max_step or math.inf)
     try:
-        start = 0.0, equations.begin
-        arc = integrate(equations.rates, start, [*ends, CREST], time_limit, tolerance)
+        integration = Integration(equations.rates, [*ends, CREST], time_limit, tolerance)
+        arc = yield from integration.run(equations.begin, keep_steps=keep_steps)
     except KickdynError as error:
         fault = equations.fault
         if fault is None:
@@ -221,7 +220,7 @@ def fly_arc(
         raise KickdynError(f"{error}; {cause}") from fault
     last = arc.end, arc.state.copy()
     if arc.reached is ends[0]:
-        last[1][2] = -drop  # by definition; else but for rounding
+        last[1][2] = -ends[0].numbers[0]  # by definition; else but for rounding
     nodes = (0.0, equations.begin), last, *arc.passed
     apex = max(nodes, key=lambda node: float(node[1][2]))
     return FlownArc(arc, equations.begin, last, apex)
@@ -229,7 +228,16 @@ def fly_arc(
 
 def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ...]) -> Flight:
     state, ball, tol, air = task.state, task.ball, task.tol, task.air or VACUUM
-    path = fly_arc(state, ball, air, tol, ends, task.time_limit, task.max_step)
+    speed = math.hypot(*state.velocity)
+    if not speed <= MAX_SPEED:
+        raise InvalidInput(
+            f"launch speed is {speed:g} m/s: in air it must be at most {MAX_SPEED:g} m/s, the "
+            "speed of light"
+        )
+    wind = _wind_speed(air, float(state.position[2]))
+    relative, length, pace = tolerances(speed, ends[0].numbers[0], wind, ball, air, tol)
+    tolerance = flight_tolerance(relative, (float(length), float(pace), tol), task.max_step)
+    path = alone(fly_arc(state, ball, air, ends, task.time_limit, tolerance))
     spins, arc = bool(state.spin.any()), path.arc
     acting = {"drag": air.drag, "lift": spins and air.lift, "spin decay": spins and air.torque}
     effects = ", ".join(name for name, model in acting.items() if model and air.density > 0.0)

@@ -128,7 +128,7 @@ class _Balls:
 
     def states(self, rows: Any) -> BallState:
         """Return the balls of some rows."""
-        return BallState(self.position[rows], self.velocity[rows], self.spin[rows])
+        return BallState.computed(self.position[rows], self.velocity[rows], self.spin[rows])
 
     def bounce_all(self, ground: Ground, tol: float, time_limit: float) -> None:
         """Fly and bounce until every ball stays down or has ended."""
@@ -196,7 +196,7 @@ class _Balls:
         velocity = begin.velocity * [1.0, 1.0, 0.0]
         scene = np.column_stack([begin.position[:, 2], rolling.direction, np.zeros((n, 2))])
         # as `roll`: those that are slow at once are not integrated
-        rolled = Flown(np.zeros((n, 16)), np.full(n, LANDED, np.int8), np.zeros(n, np.int64))
+        rolled = Flown(np.zeros((n, 8)), np.full(n, LANDED, np.int8), np.zeros(n, np.int64))
         rolled.nodes[:, 4:7] = velocity
         moves = np.asarray(rolling.speed > rolling.slowest)
         if moves.any():

@@ -210,9 +210,9 @@ class FlightEquations:
         self._spin = tuple(launch.spin.tolist())
         self._brakes = brakes(air, launch.spin)
 
-    def rates(self, _: float, states: Array) -> list[float]:
+    def rates(self, states: list[float]) -> list[float]:
         """Return the time derivative of the states, nan where a coefficient or the wind raises."""
-        _, _, z, vx, vy, vz, share = states.tolist()
+        _, _, z, vx, vy, vz, share = states
         wx, wy, wz = self._spin
         try:
             ax, ay, az, k = self._acting(

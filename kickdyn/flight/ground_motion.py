@@ -14,7 +14,7 @@ from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import Event
 from kickdyn.flight.forces import FINEST, VACUUM, Acceleration, acceleration_function, downward
-from kickdyn.flight.integrate import Arc, Tolerance, integrate, trajectory
+from kickdyn.flight.integrate import Arc, Integration, Tolerance, alone, trajectory
 from kickdyn.ground import Ground, Surface
 from kickdyn.restitution import restitution_for, rows_of
 
@@ -248,16 +248,15 @@ def slide(
     if duration == 0.0:
         return None
 
-    def rates(_: float, moving: Array) -> list[float]:
-        return [*moving[3:6].tolist(), *(-sliding.deceleration).tolist(), 0.0]
+    def rates(moving: list[float]) -> list[float]:
+        return [*moving[3:6], *(-sliding.deceleration).tolist(), 0.0]
 
     if ends:
         speed = math.hypot(*sliding.velocity) + math.hypot(*slip(state, ball))
         sizes = np.array([*3 * [speed * duration], *3 * [speed], 1.0])
-        begin = 0.0, np.array([0.0, 0.0, 0.0, *sliding.velocity, 1.0])
-        arc = integrate(
-            rates, begin, ends, duration, Tolerance(FINEST, np.maximum(FINEST * sizes, 1e-300))
-        )
+        begin = np.array([0.0, 0.0, 0.0, *sliding.velocity, 1.0])
+        tolerance = Tolerance(FINEST, np.maximum(FINEST * sizes, 1e-300))
+        arc = alone(Integration(rates, ends, duration, tolerance).run(begin))
         duration, reached = arc.end, arc.reached
     end = _first(sliding.sample(np.array([duration])))
     start = BallState(state.position, state.velocity, state.spin)
@@ -283,8 +282,8 @@ def roll(
     height, along = float(state.position[2]), rolling.direction.tolist()
     acceleration = rolling_acceleration(rolling.acting, rolling.share, resistance, rolling.straight)
 
-    def rates(_: float, moving: Array) -> list[float]:
-        u, v = float(moving[3]), float(moving[4])
+    def rates(moving: list[float]) -> list[float]:
+        u, v = moving[3:5]
         return [u, v, 0.0, *acceleration(height, u, v, *along), 0.0, 0.0]
 
     begin = np.array([0.0, 0.0, 0.0, *state.velocity[:2], 0.0, 1.0])
@@ -294,7 +293,7 @@ def roll(
         tol = min(tol, LOOSEST_ROLLING)
         sizes = np.array([*3 * [rolling.length], *3 * [rolling.speed], 1.0])
         tolerance = Tolerance(tol, np.maximum(tol * sizes, 1e-300))
-        arc = integrate(rates, (0.0, begin), [is_slow, *ends], time_limit, tolerance)
+        arc = alone(Integration(rates, [is_slow, *ends], time_limit, tolerance).run(begin))
     slow_time, slow = arc.end, arc.state
     duration = slow_time
     remaining = float(time_to_rest(slow[3:5], rolling.wind, resistance))

@@ -1,4 +1,7 @@
-"""Integration of differential equations by scipy's DOP853, up to the first of some events.
+"""Integration of differential equations by DOP853, up to the first of some events.
+
+The steps, their error estimate and their interpolants are scipy's. Several motions are integrated
+side by side: each has its own time and step, and numpy computes the stages of all steps at once.
 
 A step that an event falls into is taken anew so that it ends just after the event: the interpolant
 of a step is far more accurate near its end than within it.
@@ -6,16 +9,16 @@ of a step is far more accurate near its end than within it.
 
 import math
 import operator
-from collections.abc import Callable, Sequence
-from functools import cached_property
+from collections.abc import Callable, Generator, Iterable, Sequence
+from functools import cache, cached_property
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from scipy.integrate import DOP853, OdeSolution
+from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from kickdyn.core.dop853 import EVENT_MARGIN, first_step, keep_stages
+from kickdyn.core.dop853 import EVENT_MARGIN, STAGES, TABLE, first_step
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.events import (
@@ -34,9 +37,9 @@ MAX_EVALUATIONS = 100_000
 """Most evaluations of the rates. An explicit method would not come to an end where drag stops the
 ball at once, as in syrup."""
 
-NEXT_LENGTH = 0.7 / 0.9
-"""Length of the next step over that which scipy proposes, 0.9 of what the estimated error allows:
-fewer steps are rejected, and as many evaluations give half the error."""
+SAFETY, MOST_GROWTH = 0.7, 10.0
+"""The next step over that which the estimated error allows, and the most over the step before:
+with scipy's 0.9, more steps are rejected, and as many evaluations give twice the error."""
 
 TOGETHER = 50
 """States that are computed together where a function is read within a part of a step."""
@@ -54,8 +57,10 @@ beginning, of their changes over the step at the rates there, and of both at its
 
 EPSILON = float(np.finfo(float).eps)
 
-Rates = Callable[[float, Array], list[float]]
-"""The rates of change of the states, as a function of the time [s] and the states."""
+T = TypeVar("T")
+
+Rates = Callable[[list[float]], list[float]]
+"""The rates of change of the states, as a function of the states."""
 
 Crossing = tuple[float, Array]
 """Time [s] and states of an event."""
@@ -69,13 +74,13 @@ class Arc(NamedTuple):
     reached: Event | None  # the event that ended the integration; None if the time limit did
     passed: list[Crossing]  # the events on the way that did not end it
     evaluations: int  # of the rates
-    steps: list[Callable[[], Any]]  # functions that return the interpolants of the steps
+    steps: list["Step"]  # none if they are not kept
 
 
 class Tolerance(NamedTuple):
     """Tolerances of the integration."""
 
-    relative: float  # of the states; at least 100 times the machine epsilon, as scipy demands
+    relative: float  # of the states; at least 100 times the machine epsilon
     absolute: Array  # of each state, shape `(m,)`
     longest: float = math.inf  # step [s]
 
@@ -86,39 +91,50 @@ def trajectory(arc: Arc, begin: Array) -> Callable[[Array], Array]:
     Without any step they are the states at the beginning. The interpolants are computed when they
     are first read.
     """
-    solution: OdeSolution | None = None
+    begins = np.array([step.begin for step in arc.steps])
 
     def states(times: Array) -> Array:
-        nonlocal solution
-        if not (arc.steps and times.size):
-            return np.tile(begin[:, None], (1, times.size))
-        if solution is None:
-            with np.errstate(over="ignore", invalid="ignore"):
-                steps = [interpolant() for interpolant in arc.steps]
-            solution = OdeSolution([*(step.t_old for step in steps), steps[-1].t], steps)
-        return np.asarray(solution(times))
+        result = np.tile(begin[:, None], (1, times.size))
+        which = np.maximum(np.searchsorted(begins, times, "right") - 1, 0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for k in np.unique(which) if arc.steps else ():
+                result[:, which == k] = arc.steps[k].states(times[which == k]).T
+        return result
 
     return states
 
 
-def integrate(
-    rates: Rates,
-    start: tuple[float, Array],
-    events: Sequence[Event],
-    time_limit: float,
-    tolerance: Tolerance,
-) -> Arc:
-    """Integrate from a time and states to the first terminal event, or to the time limit [s].
+Run = Generator["Step", None, T]
+"""A computation that asks for steps, which are taken when it goes on, and returns its result."""
 
-    The states belong to `FlightEquations`, or of another motion with the same seven states. An
-    event whose function is zero at the start counts at once unless the function rises first.
 
-    Raises:
-        InvalidInput: the function of an event raised, or is not a number, where the ball is.
-        KickdynError: the integrator gave up.
-    """
-    with np.errstate(over="ignore", invalid="ignore"):  # the solver then tries a shorter step
-        return _Integration(rates, events, time_limit, tolerance).run(*start)
+def side_by_side(runs: Iterable[Run[T]]) -> list[T | KickdynError]:
+    """Return the results of some runs, whose steps are taken together, or what they raised."""
+    results: dict[int, T | KickdynError] = {}
+    going = list(enumerate(runs))
+    with np.errstate(over="ignore", invalid="ignore"):  # a shorter step is tried then
+        while going:
+            asked, going = going, []
+            steps: list[Step] = []
+            for i, run in asked:
+                try:
+                    steps.append(next(run))
+                    going.append((i, run))
+                except StopIteration as stop:
+                    results[i] = stop.value
+                except KickdynError as error:
+                    results[i] = error
+            if steps:
+                _take(steps)
+    return [results[i] for i in range(len(results))]
+
+
+def alone(run: Run[T]) -> T:
+    """Return the result of a run, or raise what it raises."""
+    (result,) = side_by_side([run])
+    if isinstance(result, KickdynError):
+        raise result
+    return result
 
 
 class _Fall(NamedTuple):
@@ -129,49 +145,87 @@ class _Fall(NamedTuple):
     about: float
 
 
-class _Step:
-    """The last step of a solver, from a state and rates `before` it."""
+class Step:
+    """A step of an integration from a state and its rates, and, once it is taken, its end.
+
+    Attributes:
+        begin, length: time at the beginning of the step, and its length [s].
+        before, state: states at the beginning and at the end, shape `(m,)`.
+        stages: rates of all stages, the first one those at the beginning; some rows follow.
+        error: estimated error over the tolerated one.
+        end, ahead: states at the end and shortly after it.
+    """
+
+    state: Array
+    stages: Array
+    error: float
+    end: list[float]
+    ahead: list[float]
 
     def __init__(
-        self, solver: DOP853, before: Array, rates: Array, events: Sequence[Event]
+        self, motion: "Integration", begin: float, before: Array, rates: Array, length: float
     ) -> None:
-        self.solver, self.before, self.begin = solver, before, float(solver.t_old)
-        self.rates, self.length = rates, float(solver.t) - self.begin
-        solver.f = np.array(solver.f)
-        states = _states_at_ends(self.length, before, rates, solver.y, solver.f)
-        self._ends = {event: _read_ends(event, states) for event in events}
+        self.motion, self.begin, self.before = motion, begin, before
+        self.rates, self.length = rates, length
 
-    def check_values(self) -> None:
-        """Raise `InvalidInput` where the function of an event is not a number after the step."""
+    def read_ends(self, values: dict[Event, tuple[float, float]]) -> None:
+        """Read the functions of events, whose value and slope [1/s] at the beginning are known."""
+        self._ends: dict[Event, Ends] = {}
+        for event, (start, slope) in values.items():
+            end, beyond = event.value_or_nan(self.end), event.value_or_nan(self.ahead)
+            self._ends[event] = start, slope * self.length, end, (beyond - end) / DIFFERENCE
+
+    def last_values(self) -> dict[Event, tuple[float, float]]:
+        """Return value and slope [1/s] of the functions of events at the end.
+
+        Where the function of an event is not a number, `InvalidInput` is raised.
+        """
         for event, (_, _, end, _) in self._ends.items():
             if math.isnan(end):
-                event.value(self.solver.y.tolist())
+                event.value(self.end)
+        return {event: (ends[2], ends[3] / self.length) for event, ends in self._ends.items()}
 
     def foresee_fall(self, event: Event, length: float) -> float:
         """Return about which fraction of the next step an event falls in; 1 if it does not.
 
         The acceleration is taken to change as much over time as in this step.
         """
-        before, _, now, _ = self._ends[event]
+        before, _, now, rise = self._ends[event]
         if not 0.0 < now * self.length < 2.0 * length * (before - now):
             return 1.0
-        state, rates = self.solver.y, self.solver.f
-        change = (rates - self.rates) * (length / self.length)
+        state, rates, ratio = self.state, self.stages[STAGES], length / self.length
+        change = (rates - self.rates) * ratio
         later = state + length * (rates + 0.5 * change)
         later[:3] = state[:3] + length * (rates[:3] + length * (rates[3:6] / 2 + change[3:6] / 6))
         last_rates = np.concatenate([later[3:6], (rates + change)[3:]])
-        ends = _read_ends(event, _states_at_ends(length, state, rates, later, last_rates))
-        return 1.0 - find_fall(ends) if ends[0] > 0.0 >= ends[2] else 1.0
+        end = event.value_or_nan(later.tolist())
+        if not end <= 0.0:
+            return 1.0
+        beyond = event.value_or_nan((later + DIFFERENCE * length * last_rates).tolist())
+        return 1.0 - float(find_fall((now, rise * ratio, end, (beyond - end) / DIFFERENCE)))
 
     @cached_property
-    def interpolant(self) -> Callable[[float | Array], Array]:
-        """The states at times of the step; to be read before the solver takes the next one."""
-        return self.solver.dense_output()  # type: ignore[no-any-return]
+    def _terms(self) -> Array:
+        """The coefficients of scipy's interpolant, which takes a quarter more evaluations."""
+        stages, h, change = self.stages, self.length, self.state - self.before
+        for k, weights in enumerate(DOP853.A_EXTRA, STAGES + 1):
+            stages[k] = self.motion.rates((self.before + h * weights[:k].dot(stages[:k])).tolist())
+        turn = h * stages[0] - change
+        return np.vstack([change, turn, change - h * stages[STAGES] - turn,
+                          h * DOP853.D.dot(stages)])  # fmt: skip
+
+    def states(self, times: Any) -> Array:
+        """Return the states at a time within the step `(m,)`, or at n times `(n, m)`."""
+        x = (times - self.begin) / self.length
+        weights = [x]
+        for k in range(1, len(self._terms)):
+            weights.append(weights[-1] * (1.0 - x if k % 2 else x))
+        return np.asarray(np.array(weights).T.dot(self._terms) + self.before)
 
     @cached_property
     def _part_states(self) -> list[list[float]]:
-        h, end, last_rates = self.length, self.solver.y, self.solver.f
-        nodes = np.concatenate([self.before, h * self.rates, end, h * last_rates])
+        h = self.length
+        nodes = np.concatenate([self.before, h * self.rates, self.state, h * self.stages[STAGES]])
         return (PART_WEIGHTS @ nodes.reshape(4, -1)).tolist()  # type: ignore[no-any-return]
 
     def _read_fall(self, event: Event) -> _Fall | None:
@@ -181,7 +235,7 @@ class _Step:
         most = MOST_CHANGE * max(map(abs, map(operator.sub, values, values[1:])))
         if min(map(operator.add, values, values[1:])) > most:
             return None
-        speed = max(math.hypot(*state[3:6].tolist()) for state in (self.before, self.solver.y))
+        speed = max(math.hypot(*state[3:6].tolist()) for state in (self.before, self.state))
         count = count_readings(self.length / PARTS, speed)
         for k, (above, below) in enumerate(pairwise(values)):
             if max(above, below) > 0.0 and above + below <= most:
@@ -196,7 +250,7 @@ class _Step:
         for first in range(0, count + 1, TOGETHER):
             fractions = np.arange(first, min(first + TOGETHER, count + 1)) / count
             fractions = (part + fractions) / PARTS
-            states = self.interpolant(self.begin + self.length * fractions).T.tolist()
+            states = self.states(self.begin + self.length * fractions).tolist()
             for high, state in zip(fractions.tolist(), states, strict=True):
                 below = event.value_or_nan(state)
                 if above > 0.0 >= below:
@@ -215,11 +269,13 @@ class _Step:
     def locate(self, event: Event, fall: _Fall) -> Crossing:
         """Return time and states of an event that falls within the step, on the interpolant."""
         low, high = (self.begin + fraction * self.length for fraction in fall[:2])
-        high = float(self.solver.t) if fall.high == 1.0 else high
+        stop = self.begin + self.length
+        high = stop if fall.high == 1.0 else high
 
         def state(time: float) -> Array:
-            return self.solver.y if time == self.solver.t else self.interpolant(time)
+            return self.state if time == stop else self.states(time)
 
+        @cache
         def value(time: float) -> float:
             return event.value(state(time).tolist())
 
@@ -234,97 +290,127 @@ class _Step:
         return time, state(time)
 
 
-def _states_at_ends(
-    length: float, begin: Array, rates: Array, end: Array, last_rates: Array
-) -> list[list[float]]:
-    """Return the states at both ends of a step, each with those shortly after it."""
-    shortly = DIFFERENCE * length
-    states = begin, begin + shortly * rates, end, end + shortly * last_rates
-    return [state.tolist() for state in states]
-
-
-def _read_ends(event: Event, states: list[list[float]]) -> Ends:
-    """Return value and slope of the function of an event at `_states_at_ends`."""
-    start, ahead, end, beyond = map(event.value_or_nan, states)
-    return start, (ahead - start) / DIFFERENCE, end, (beyond - end) / DIFFERENCE
-
-
-class _Integration:
-    """Integration of some rates up to some events."""
+class Integration:
+    """Integration of some rates to the first terminal event, or to the time limit [s]."""
 
     def __init__(
         self, rates: Rates, events: Sequence[Event], time_limit: float, tolerance: Tolerance
     ) -> None:
-        self._rates, self._events, self._time_limit = rates, events, time_limit
-        self._tolerance, self._evaluations = tolerance, 0
+        self.rates, self.tolerance = rates, tolerance
+        self._events, self._time_limit, self._evaluations = events, time_limit, 0
 
-    def run(self, begin: float, state: Array) -> Arc:
-        rates = np.array(self._rates(begin, state))
+    def run(self, state: Array, *, keep_steps: bool = True) -> Run[Arc]:
+        """Return the solution from states at time 0, those of `FlightEquations` or as many others.
+
+        An event whose function is zero at the start counts at once unless the function rises first.
+
+        Raises:
+            InvalidInput: the function of an event raised, or is not a number, where the ball is.
+            KickdynError: the integrator gave up.
+        """
+        time, rates = 0.0, np.array(self.rates(state.tolist()))
         if not np.isfinite(rates).all():
-            raise KickdynError(f"the acceleration of the ball is not finite at {begin:g} s")
+            raise KickdynError("the acceleration of the ball is not finite at 0 s")
         reached = end_at_launch(self._events, state, rates)
         if reached is not None:
-            return Arc(begin, state, reached, [], 0, [])
+            return Arc(time, state, reached, [], 0, [])
         passed: list[Crossing] = []
-        steps: list[Callable[[], Any]] = []
-        solver = self._solver(begin, state, _first_length(state, rates, self._tolerance))
-        while solver.status == "running":
-            step, falls = self._step_to(solver)
-            steps.append(keep_stages(solver).dense_output)
+        steps: list[Step] = []
+        self._length = _first_length(state, rates, self.tolerance)
+        shortly = DIFFERENCE * min(self._length, self._time_limit)
+        begin, ahead = state.tolist(), (state + shortly * rates).tolist()
+        values = {}
+        for event in self._events:
+            value = event.value_or_nan(begin)
+            values[event] = value, (event.value_or_nan(ahead) - value) / shortly
+        while time < self._time_limit:
+            step, falls = yield from self._step_to(time, state, rates, values)
+            if keep_steps:
+                steps.append(step)
             crossings = [(*step.locate(event, fall), event) for event, fall in falls.items()]
             for time, state, event in sorted(crossings, key=lambda crossing: crossing[0]):
                 if event.terminal:
                     return Arc(time, state, event, passed, self._evaluations, steps)
                 passed.append((time, state))
-            step.check_values()
-            length = min(solver.h_abs, self._time_limit - solver.t)
+            values = step.last_values()
+            time, state, rates = step.begin + step.length, step.state, step.stages[STAGES]
+            length = min(self._length, self._time_limit - time)
             foreseen = (step.foresee_fall(event, length) for event in self._events)
             fraction = min(foreseen, default=1.0)
             if fraction < 1.0 - EVENT_MARGIN:
-                solver.h_abs = (1.0 + 0.5 * EVENT_MARGIN) * fraction * length
-        return Arc(float(solver.t), solver.y, None, passed, self._evaluations, steps)
+                self._length = (1.0 + 0.5 * EVENT_MARGIN) * fraction * length
+        return Arc(time, state, None, passed, self._evaluations, steps)
 
-    def _step_to(self, solver: DOP853) -> tuple[_Step, dict[Event, _Fall]]:
+    def _step_to(
+        self, time: float, state: Array, rates: Array, values: dict[Event, tuple[float, float]]
+    ) -> Run[tuple[Step, dict[Event, _Fall]]]:
         """Take a step; take it anew until it ends shortly after the first of events within it.
 
         Return the step, and where the functions of all events fall through zero in it.
         """
+        shortest = max(100.0 * math.ulp(time), 1e-300)
         while True:
-            step = self._take_step(solver)
+            step = yield from self._take_step(time, state, rates)
+            step.read_ends(values)
             found = {event: step.find_fall(event) for event in self._events}
             falls = {event: fall for event, (fall, _) in found.items() if fall is not None}
             again = min((doubt for _, doubt in found.values()), default=1.0)
             about = min((fall.about for fall in falls.values()), default=1.0)
             if again == 1.0 and about < 1.0 - EVENT_MARGIN:
                 again = (1.0 + 0.5 * EVENT_MARGIN) * about
-            shortest = max(100.0 * math.ulp(step.begin), 1e-300)
             if again == 1.0 or step.length <= shortest:
                 return step, falls
-            length = again * step.length
-            solver.t, solver.y, solver.f = step.begin, step.before, step.rates
-            solver.h_abs, solver.status = max(length, shortest), "running"
+            self._length = max(again * step.length, shortest)
 
-    def _solver(self, begin: float, state: Array, length: float) -> DOP853:
-        relative, absolute, longest = self._tolerance
-        longest, limit = min(longest, self._time_limit - begin), self._time_limit
-        length = min(max(length, 10.0 * math.ulp(begin)), longest)
-        solver = DOP853(self._rates, begin, state, limit, longest, relative, absolute,
-                        first_step=length)  # fmt: skip
-        solver.fun_single = self._rates  # scipy's own converts the rates to an array twice
-        return solver
+    def _take_step(self, time: float, state: Array, rates: Array) -> Run[Step]:
+        """Take a step whose error is tolerated, and choose the length of the next one."""
+        limit, shortest = self._time_limit, max(10.0 * math.ulp(time), 1e-300)
+        most = MOST_GROWTH
+        while True:
+            length = max(min(self._length, self.tolerance.longest), shortest)
+            end = time + length if length < limit - time else limit
+            step = Step(self, time, state, rates, end - time)
+            yield step
+            self._evaluations += STAGES
+            if self._evaluations > MAX_EVALUATIONS:
+                raise _given_up(time, f"it takes more than {MAX_EVALUATIONS} evaluations of forces")
+            growth = SAFETY * step.error**-0.125 if step.error > 0.0 else math.inf
+            if step.error < 1.0:
+                break
+            self._length, most = step.length * max(0.2, growth), 1.0
+            if self._length < shortest:
+                raise _given_up(time, "the step would be shorter than time can be resolved")
+        if not math.hypot(*step.end) < math.inf:
+            raise _given_up(end, "the numbers overflow")
+        self._length = step.length * min(growth, most)
+        return step
 
-    def _take_step(self, solver: DOP853) -> _Step:
-        time, state, rates, evaluations = float(solver.t), solver.y, solver.f, solver.nfev
-        solver.step()
-        self._evaluations += solver.nfev - evaluations
-        if self._evaluations > MAX_EVALUATIONS:
-            raise _given_up(time, f"it takes more than {MAX_EVALUATIONS} evaluations of forces")
-        if solver.status == "failed":
-            raise _given_up(time, "the step would be shorter than time can be resolved")
-        if not math.hypot(*solver.y.tolist()) < math.inf:
-            raise _given_up(float(solver.t), "the numbers overflow")
-        solver.h_abs *= NEXT_LENGTH
-        return _Step(solver, state, rates, self._events)
+
+def _take(steps: Sequence[Step]) -> None:
+    """Take some steps of motions with as many states each."""
+    n, m = len(steps), len(steps[0].before)
+    functions = [step.motion.rates for step in steps]
+    state, length = np.concatenate([step.before for step in steps]), [step.length for step in steps]
+    h, rates = np.repeat(length, m), np.empty((STAGES + 1 + len(DOP853.A_EXTRA), n * m))
+    rates[0] = np.concatenate([step.rates for step in steps])
+    for k in range(1, STAGES + 1):
+        new = state + h * TABLE[k, :k].dot(rates[:k])
+        states = new.tolist()
+        rates[k] = [
+            rate for i, function in enumerate(functions)
+            for rate in function(states[m * i : m * (i + 1)])
+        ]  # fmt: skip
+    relative = np.repeat([step.motion.tolerance.relative for step in steps], m)
+    absolute = np.concatenate([step.motion.tolerance.absolute for step in steps])
+    scale = absolute + relative * np.maximum(np.abs(state), np.abs(new))
+    squares = np.square(TABLE[STAGES + 1 :].dot(rates[:STAGES]) / scale).reshape(2, n, m)
+    ahead = (new + DIFFERENCE * h * rates[STAGES]).tolist()
+    new, rates = new.reshape(n, m), rates.reshape(-1, n, m)
+    for i, (step, five, three) in enumerate(zip(steps, *squares.sum(axis=2).tolist(), strict=True)):
+        size = math.sqrt((five + 0.01 * three) * m)
+        step.error = step.length * five / size if size != 0.0 else 0.0
+        step.state, step.stages = new[i], rates[:, i]
+        step.end, step.ahead = states[m * i : m * (i + 1)], ahead[m * i : m * (i + 1)]
 
 
 def _first_length(state: Array, rates: Array, tolerance: Tolerance) -> float:

@@ -71,7 +71,7 @@ class Flights(NamedTuple):
     tolerance: Array  # of displacement [m], velocity [m/s], and spin over that of the launch; the
     # longest step [s]; the fraction of a step, at its end, in which an event must lie; `(n, 5)`
     begin: Array  # memory: rates at the launch, first step [s], `VALUE` and `SLOPE` of the events
-    nodes: Array  # time [s] and 7 states at the end, then at the apex, `(n, 16)`
+    nodes: Array  # time [s] and 7 states at the end and, if there is space, at the apex, `(n, 16)`
     status: NDArray[np.int8]  # `LANDED`, `ALOFT`, `FAILED`, `FURTHER` plus the number of an event
     evaluations: NDArray[np.int64]  # `(n,)`
 
@@ -152,7 +152,7 @@ def _march(reading, rates_of, values_of, flights, lanes, measured, rtol, time_li
         _step(rates_of, lane)
         _estimate_error(lane, rtol)
         _measure(values_of, lane, measured, lane.new[:], lane.rates[STAGES], measured.end)
-        _take_plain_steps(lane, measured, time_limit)
+        _take_plain_steps(lane, measured, time_limit, flights.nodes.shape[1] > 8)
         reading(values_of, lanes, measured, known)
         for i in range(LANES):
             row = lane.row[i]
@@ -165,7 +165,7 @@ def _march(reading, rates_of, values_of, flights, lanes, measured, rtol, time_li
         _advance(lane, measured, time_limit)
     for row in range(len(flights.status)):
         if flights.status[row] == FAILED:
-            for c in range(16):
+            for c in range(flights.nodes.shape[1]):
                 flights.nodes[row, c] = math.nan
 
 
@@ -217,7 +217,7 @@ def _start(rates_of, values_of, flights, lane, measured, rtol, time_limit):
         for i in range(min(LANES, n - first)):
             row = first + i
             flights.evaluations[row], flights.status[row] = 1, _FLYING
-            for k in range(0, 16, 8):
+            for k in range(0, flights.nodes.shape[1], 8):
                 _write_node(i, 0.0, lane.state[:], flights.nodes, row, k)
             for k in range(measured.begin.shape[1] - LANES + i, -1, -LANES):  # the first one counts
                 for derivative in range(2):
@@ -344,14 +344,15 @@ def _is_plain(start, slope, end, last_slope):
 
 
 @inlined
-def _take_plain_steps(lane, measured, time_limit):
-    """Take the steps that are exact enough, and in which no event can be."""
+def _take_plain_steps(lane, measured, time_limit, apex):
+    """Take the steps that are exact enough, and in which no event can be, nor the apex if asked."""
     last = lane.rates[STAGES]
     for i in range(LANES):
         lane.calls[i] += STAGES
         plain = (lane.row[i] >= 0) & (lane.error[i] < 1.0) & (lane.calls[i] <= MAX_EVALUATIONS)
         plain &= lane.step[i] < time_limit - lane.time[i]
-        plain &= _is_plain(lane.state[W + i], lane.rates[0, W + i], lane.new[W + i], last[W + i])
+        level = _is_plain(lane.state[W + i], lane.rates[0, W + i], lane.new[W + i], last[W + i])
+        plain &= level | (not apex)
         lane.taken[i] = 1.0 if plain else 0.0
     begin, end = measured.begin, measured.end
     for c in range(0, end.shape[1], LANES):
@@ -470,14 +471,14 @@ def _allowed(i, h, lane, time_limit):
 
 
 @inlined
-def _first_event(i, h, lane, measured, known):
+def _first_event(i, h, lane, measured, known, apex):
     """Return the first event in a step of a lane, and the fraction of the step after it.
 
     All but the first `known` ones have been read within the step. Also returned are how much of the
     step is to be taken anew (`fall_in_step`), and whether a function is not a number at its end.
     """
     first, before_end, again, unknown = _NO_EVENT, -1.0, 1.0, False
-    for event in range(_CREST, measured.begin.shape[1] // LANES):
+    for event in range(_CREST if apex else 0, measured.begin.shape[1] // LANES):
         ends = _ends(i, event, h, lane, measured)
         unknown |= ends[2] != ends[2]
         s, doubt = fall_in_step(ends, event == _CREST)
@@ -498,8 +499,9 @@ def _end_step(values_of, i, flights, lane, measured, time_limit, known):
         lane.step[i], lane.rejected[i] = _allowed(i, shorter, lane, time_limit), 1.0
         return FAILED if shorter < lane.step[i] else _FLYING
     events, fallen, after = measured.end.shape[1] // LANES, lane.fallen[i], lane.after[i]
+    apex = flights.nodes.shape[1] > 8
     first, before_end, again, unknown = _first_event(
-        i, h, lane, measured, events if fallen == _NO_EVENT else known
+        i, h, lane, measured, events if fallen == _NO_EVENT else known, apex
     )
     if after > before_end:
         first, before_end = fallen, after
@@ -516,7 +518,7 @@ def _end_step(values_of, i, flights, lane, measured, time_limit, known):
     if first != _NO_EVENT:
         _interpolate(i, before_end, 0.0, h, lane)
         event_time = t + (1.0 - before_end) * h
-        if lane.point[Z + i] > flights.nodes[row, 11]:
+        if apex and lane.point[Z + i] > flights.nodes[row, 11]:
             _write_node(i, event_time, lane.point[:], flights.nodes, row, 8)
         if first != _CREST:
             _write_node(i, event_time, lane.point[:], flights.nodes, row, 0)
@@ -524,7 +526,7 @@ def _end_step(values_of, i, flights, lane, measured, time_limit, known):
     if h < time_limit - t:
         lane.taken[i] = 1.0
         return _FLYING
-    if lane.new[Z + i] > flights.nodes[row, 11]:
+    if apex and lane.new[Z + i] > flights.nodes[row, 11]:
         _write_node(i, time_limit, lane.new[:], flights.nodes, row, 8)
     _write_node(i, time_limit, lane.new[:], flights.nodes, row, 0)
     return ALOFT

@@ -21,7 +21,7 @@ FLAGS = {"landed": 0, "aloft": 1, "failed": 2}
 def way(request, monkeypatch):
     """Flights in Python or in machine code, and not the other way."""
     monkeypatch.setattr(batch.MARCH, "pays", lambda _: request.param)
-    other = "_one_by_one" if request.param else "integrate_many"
+    other = "_in_python" if request.param else "integrate_many"
     monkeypatch.setattr(batch, other, lambda *_: pytest.fail(f"{other} is not to be called"))
 
 

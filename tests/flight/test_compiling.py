@@ -1,4 +1,4 @@
-"""Functions compiled by numba: their exponential, and where they are kept."""
+"""Functions compiled by numba: their exponential and logarithm, and where they are kept."""
 
 import math
 import subprocess
@@ -21,6 +21,11 @@ def exp(x):
     return compiling.exp(x)
 
 
+@numba.njit
+def log(x):
+    return compiling.log(x)
+
+
 def test_exp_is_right_to_the_last_digits():
     for x in np.concatenate([np.linspace(-707, 708, 700), np.linspace(-1, 1, 200), [0.0, -0.0]]):
         exact = mpmath.exp(mpmath.mpf(float(x)))
@@ -29,6 +34,14 @@ def test_exp_is_right_to_the_last_digits():
     assert ends == [0, 0, math.inf, math.inf]
     assert math.isnan(exp(math.nan))
     assert mathematics.sin is math.sin
+
+
+def test_log_is_right_to_the_last_digits():
+    for x in np.concatenate([10.0 ** np.linspace(-320, 308, 701), np.linspace(0.5, 2, 200)]):
+        exact = mpmath.log(mpmath.mpf(float(x)))
+        assert abs(float(mpmath.mpf(log(float(x))) / exact - 1)) < 2 * EPSILON, x
+    assert [log(x) for x in (0.0, 1.0, math.inf)] == [-math.inf, 0, math.inf]
+    assert np.isnan([log(-1.0), log(math.nan)]).all()
 
 
 MODELS = drag.MODELS

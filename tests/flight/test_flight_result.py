@@ -114,7 +114,7 @@ def peak(reynolds, spin_parameter):
 
 
 def braking(reynolds, spin_parameter):
-    return 1e-3 + 10.0 * math.exp(-(((reynolds - 2.5e5) / 250) ** 2))
+    return 1e-3 + 10.0 * math.exp(-(((reynolds - 2.5e5) / 100) ** 2))
 
 
 @pytest.mark.parametrize(("air", "least"),

@@ -83,6 +83,7 @@ def test_goals_are_met_by_their_launch(library):
     agrees(kick.impact.ball_after.velocity, launch.velocity, closed_form(1e4))
     plan = library.plan(goal, air=air)
     assert plan.landing_error < 1e-6
+    assert plan.share == 1.0
     assert plan.speed_use == pytest.approx(
         np.max(np.abs(plan.v) / plan.leg.velocity_limit), rel=0.02
     )

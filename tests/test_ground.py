@@ -15,7 +15,8 @@ RAMP = math.sqrt(2 * 9.81 * 1.0 * 3 / 5)
 MEASURED = {
     # FIFA Quality: a ball dropped from 2 m rebounds 0.60 to 0.85 m, and rolls 4 to 10 m
     "turf": ((0.60 / 2, 0.85 / 2), (RAMP, 4.0, 10.0)),
-    "wet-grass": ((0.60 / 2, 0.85 / 2), (RAMP, 4.0, 10.0)),
+    # and the fast end of that roll on wet grass
+    "wet-grass": ((0.60 / 2, 0.85 / 2), (RAMP, 9.8, 10.2)),
     # FIFA Quality Pro: 1.35 to 1.55 m from 2 m on steel; EN 12234: a roll of 12 m
     "hard-floor": ((1.35 / 2, 1.55 / 2), (RAMP, 11.8, 12.2)),
     # RoboCup: from 2 m to 0.5 m; Webots: from 0.841 m/s, a ball rolls 0.621 m

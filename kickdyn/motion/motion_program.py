@@ -443,6 +443,6 @@ def block_solver(
 
 def _matrix(matrix: Any, columns: int, rows: int | None = None) -> Any:
     """Return a sparse matrix of scipy, with zeros added to its size, as one of CasADi."""
-    larger = sp.csc_matrix(matrix, copy=True)
+    larger = sp.csc_matrix(matrix)
     larger.resize(rows or matrix.shape[0], columns)
     return ca.DM(larger)

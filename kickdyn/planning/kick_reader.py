@@ -147,9 +147,9 @@ class KickReader:
         state = a["at_impact"] @ coefficients
         position, before = state[0].copy(), state[1]
         for _ in range(3):
-            where, jacobian, _ = self._kinematics(position)
+            where, jacobian, _ = self.kinematics(position)
             position += np.linalg.pinv(jacobian[:, moving], rcond=1e-6) @ (place - where)
-        _, jacobian, inertia = self._kinematics(position)
+        _, jacobian, inertia = self.kinematics(position)
         jump = np.linalg.solve(inertia, -jacobian.T @ impulse)
         change = impulse / mass - jacobian @ jump
         along = (normal @ change) * normal
@@ -163,8 +163,11 @@ class KickReader:
         q[moving], v[moving] = position, before
         return coefficients, q, v, v + jump
 
-    def _kinematics(self, position: Array) -> tuple[Array, Array, Array]:
-        """Return the contact point, its Jacobian and the mass matrix, of all joints."""
+    def kinematics(self, position: Array) -> tuple[Array, Array, Array]:
+        """Return the contact point, its Jacobian and the mass matrix, of all joints.
+
+        `position` has the values of the moving joints.
+        """
         a = self.arrays
         q = a["resting"].copy()
         q[a["moving"]] = position

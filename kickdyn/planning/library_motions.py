@@ -253,23 +253,31 @@ def solution_of(arrays: dict[str, Array]) -> Solution:
 def robot_arrays(task: KickTask, kicks: Kicks) -> dict[str, Any]:
     """Return the arrays of a library that describe robot, ball and splines, see `ARRAYS`."""
     splines, whole = motion_problem(task).splines, task.whole
-    model = whole.workspace.model
-    bodies = model.inertias[1:]
     at_impact = splines.at_impact()
     states = np.array([at_impact[0], at_impact[1], at_impact[1] + at_impact[2]])
-    lever = whole.posture(whole.configuration()).contact_lever
     height = kicks.ball.radius if is_floating(kicks.robot) else kicks.height
     before, after = splines.splines
-    axes = [joint_axis(model, joint) for joint in range(1, model.njoints)]
-    return {
+    return body_arrays(whole) | {
         "robot": np.array(kicks.robot.name),
         "before_knots": before.t, "after_knots": after.t,
         "before_matrix": before.c, "after_matrix": after.c,
         "at_impact": states,
         "from_impact": smooth_changes(splines, states),
-        "joints": np.array(whole.joint_names),
         "moving": np.array([whole.velocity_index(name) for name in task.leg.joint_names]),
         "resting": rest_configuration(whole, task.aside),
+        "ball": np.array([kicks.ball.mass, kicks.ball.radius, height]),
+        "impact": np.array([kicks.contact.restitution, kicks.contact.friction]),
+        "settling": np.array(SETTLING),
+    }  # fmt: skip
+
+
+def body_arrays(leg: Leg) -> dict[str, Any]:
+    """Return the arrays of a library that describe the bodies and joints of a leg, see `ARRAYS`."""
+    model = leg.workspace.model
+    bodies = model.inertias[1:]
+    axes = [joint_axis(model, joint) for joint in range(1, model.njoints)]
+    return {
+        "joints": np.array(leg.joint_names),
         "parents": np.array([*model.parents][1:]) - 1,
         "rotations": np.array([place.rotation for place in model.jointPlacements[1:]]),
         "translations": np.array([place.translation for place in model.jointPlacements[1:]]),
@@ -279,12 +287,9 @@ def robot_arrays(task: KickTask, kicks: Kicks) -> dict[str, Any]:
         "centres": np.array([body.lever for body in bodies]),
         "inertias": np.array([body.inertia for body in bodies]),
         "armature": np.array(model.armature),
-        "contact": np.array(whole.contact_joint - 1),
-        "contact_point": np.array(lever),
-        "ball": np.array([kicks.ball.mass, kicks.ball.radius, height]),
-        "impact": np.array([kicks.contact.restitution, kicks.contact.friction]),
-        "settling": np.array(SETTLING),
-    }  # fmt: skip
+        "contact": np.array(leg.contact_joint - 1),
+        "contact_point": np.array(leg.posture(leg.configuration()).contact_lever),
+    }
 
 
 def smooth_changes(splines: MotionSplines, states: Array) -> Array:

@@ -404,7 +404,6 @@ class LegModel(JointTable):
                 without any name, all joints are free.
         """
         for joint in joints:
-            self.velocity_index(joint)
             if joints.count(joint) > 1:
                 raise InvalidInput(f"joint {joint!r} is stiff twice: name it once")
         if len(joints) == self.nv:

@@ -269,11 +269,13 @@ def test_usual_names_of_columns_are_found(header, separator, kickdyn, written):
     kickdyn(command.removeprefix("kickdyn ").removesuffix(" --plot flight.png"))
 
 
+FREE_BODY = """<mujoco><worldbody><body><freejoint/><geom size="1"/></body></worldbody></mujoco>"""
 XACRO = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:leg/></robot>'
 BAD = [
     ("missing.urdf", None, "no such file"), ("robot.txt", "<robot/>", ".urdf"),
     ("empty.urdf", "", "empty"), ("empty.c3d", "", "not a C3D"), ("empty.csv", "", "--columns"),
     ("a.urdf.xacro", XACRO, "xacro FILE > robot.urdf"), ("a.xml", "<mujoco/>", "no moving joint"),
+    ("a.xml", FREE_BODY, "no moving joint"),
     ("a.urdf", '<robot name="a"><link name="b"/></robot>', "no moving joint"),
     ("table.trc", "t,x,y,z", "PathFileType"), ("table.mot", "t,x,y,z", "endheader"),
     ("table.toml", "t,x,y,z", "not TOML"), ("words.csv", "a;b;c;d\n0;1;2;3", "--columns"),

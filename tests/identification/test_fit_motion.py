@@ -146,6 +146,15 @@ def test_gaps_are_named_and_the_markers_that_are_seen_count():
     assert "and in 1 other frames" in line
 
 
+def test_markers_of_a_foot_that_are_never_seen_together_still_count():
+    def hide(positions):
+        positions[::2, 9] = positions[1::2, 10] = np.nan
+
+    motion = kd.fit_motion(changed(hide), LEG, PLACES, scale=False)
+    for t, q in zip(motion.times, motion.configurations, strict=True):
+        assert np.abs(pin.difference(LEG.model, state(t), q)).max() < optimized(), f"t = {t}"
+
+
 def test_a_contact_needs_frames_just_before_it(exact):
     """Eight, the last one 20 ms before it at most, both without its deviation."""
     begin, end = exact.times[[0, -1]]

@@ -206,6 +206,7 @@ def test_a_motion_is_planned_again_for_the_contact_that_is_given(monkeypatch):
         rough = kd.Contact(again.impact.contact.normal, 0.6 if contact else 0.8, friction=0.4)
         hit = kd.strike(again.leg.posture(again.q), again.v, BALL, rough)
         agrees(hit.ball_after.velocity, wished, closed_form(1e4))
+        assert again.muscles == plan.muscles
 
 
 def test_a_robot_is_turned_about_the_ball_by_what_its_motion_lacks_in_azimuth(monkeypatch):

@@ -8,7 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from chains import at, random_inertia, serial
 from tolerances import agrees, closed_form
 
 import kickdyn as kd
@@ -16,7 +18,8 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.planning import kick_reader
 from kickdyn.planning.kick_library import KickLibrary
-from kickdyn.planning.kick_reader import read_kicks
+from kickdyn.planning.kick_reader import KickReader, read_kicks
+from kickdyn.planning.library_motions import body_arrays
 
 HEIGHT = -0.7042
 ANGLES = math.radians(10), math.radians(12)
@@ -80,6 +83,7 @@ def test_goals_are_met_by_their_launch(library):
     agrees(kick.impact.ball_after.velocity, launch.velocity, closed_form(1e4))
     plan = library.plan(goal, air=air)
     assert plan.landing_error < 1e-6
+    assert plan.share == 1.0
     assert plan.speed_use == pytest.approx(
         np.max(np.abs(plan.v) / plan.leg.velocity_limit), rel=0.02
     )
@@ -221,3 +225,25 @@ def test_a_library_is_read_for_its_ranges_only(library, tmp_path):
         kd.kick_library(kd.Leg.human(), tmp_path / "none.npz")
     with pytest.raises(InvalidInput, match=r"must be \.npz"):
         kd.kick_library(kd.Leg.human(), tmp_path / "kicks.csv")
+
+
+@pytest.mark.parametrize("slides", [0, 1, 2])
+def test_the_bodies_of_any_chain_move_as_in_pinocchio(slides):
+    draw = np.random.default_rng(slides)
+    kinds = [pin.JointModelRevoluteUnaligned] * 3
+    kinds[slides] = pin.JointModelPrismaticUnaligned
+    bodies = [
+        (f"joint{k}", kind(np.array([0.6, 0.0, 0.8])), at(0.3, k, 0.1), random_inertia(draw))
+        for k, kind in enumerate(kinds)
+    ]
+    model = serial(bodies, at(0.1, 0.2, -0.3))
+    model.armature = draw.uniform(0.0, 0.1, 3)
+    leg = kd.Leg.from_model(model, "toe")
+    ranges = dict.fromkeys(("lower", "upper", "limits", "cell_reasons"), np.zeros(0))
+    every = {"moving": np.arange(3), "resting": np.zeros(3)}
+    reader = KickReader(body_arrays(leg) | ranges | every)
+    posture = leg.posture(draw.uniform(-1.0, 1.0, 3))
+    point, jacobian, inertia = reader.kinematics(posture.q)
+    agrees(point, posture.contact_point, closed_form())
+    agrees(jacobian, posture.jacobian[:3], closed_form())
+    agrees(inertia, posture.inertia, closed_form())

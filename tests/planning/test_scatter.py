@@ -1,6 +1,7 @@
 """Scatter to first order: against drawn strikes and flights, differences, and the parabola."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,6 +55,17 @@ def test_the_covariance_of_a_source_is_that_of_differences_of_landings(source, f
     expected = SMALL[source] ** 2 * sum(np.outer(slope, slope) for slope in slopes)
     agrees(result.covariance, expected, 100 * differenced())
     agrees(result.by_source[source], result.covariance, closed_form())
+
+
+def test_the_covariance_of_drag_is_that_of_differences_of_landings():
+    hit, h, ends = struck(0.4), 1e-4, []
+    for share in (1 + h, 1 - h):
+        air = replace(AIR, drag=lambda re, spin, share=share: share * AIR.drag(re, spin))
+        landing = kd.fly(hit.ball_after, BALL, air, tol=1e-12).landing
+        ends.append(landing.position[:2])
+    slope = (ends[0] - ends[1]) / (2 * h)
+    covariance = scatter(hit, AIR, drag=0.02).covariance
+    agrees(covariance, 0.02**2 * np.outer(slope, slope), 100 * differenced())
 
 
 def test_the_covariances_of_independent_sources_add_up():

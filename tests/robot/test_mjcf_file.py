@@ -153,7 +153,8 @@ def test_meshes_and_included_files_may_lie_in_named_folders(tmp_path, compiler, 
     assert leg.model.inertias[1].mass == pytest.approx(48.0)
 
 
-GEOMS = """<mujoco><asset><mesh name="box" file="box.stl" scale="2 2 2"/></asset>
+GEOMS = """<mujoco>
+<asset><mesh name="box" file="box.stl" scale="2 2 2"/><mesh name="flat" file="flat.stl"/></asset>
 <worldbody><geom type="plane" size="1 1 1"/><body name="object"><freejoint/><geom size="1"/></body>
 <body name="arm" pos="0 0 1"><joint name="j" axis="0 1 0" ref="90"/>
 <geom type="sphere" size="0.1" pos="1 0 0"/>
@@ -161,6 +162,7 @@ GEOMS = """<mujoco><asset><mesh name="box" file="box.stl" scale="2 2 2"/></asset
 <geom type="cylinder" size="0.1 0.3" rgba="1 0 0 0.5"/>
 <geom type="box" size="0.1 0.2 0.3" euler="0 0 90" group="2"/>
 <geom type="ellipsoid" size="0.1 0.2 0.3"/>
+<geom type="mesh" mesh="flat"/>
 <geom type="mesh" mesh="box" pos="1 0 0"/>
 <geom type="sphere" size="5" group="3"/>
 <geom type="sphere" size="6" rgba="1 1 1 0"/>
@@ -170,8 +172,12 @@ GEOMS = """<mujoco><asset><mesh name="box" file="box.stl" scale="2 2 2"/></asset
 def test_geoms_are_drawn(tmp_path):
     """Those of MuJoCo's first three groups that are not transparent, with full lengths."""
     box(tmp_path)
+    box(tmp_path, "flat.stl", (0.3, 0.3, 0.1))
     leg = kd.Leg.from_mjcf(write(tmp_path, robot=GEOMS), "arm")
     leg = pickle.loads(pickle.dumps(leg))
+    meshes = [visual for visual in leg.file.visuals() if visual.shape == Shape.MESH]
+    solids = [trimesh.Trimesh(mesh.vertices, mesh.faces) for mesh in meshes]
+    assert [solid.volume for solid in solids] == pytest.approx([0.3 * 0.3 * 0.1, 0.4 * 0.8 * 1.2])
     shapes = {visual.shape: visual for visual in leg.file.visuals() if visual.frame == "arm"}
     sizes = {shape: visual.size for shape, visual in shapes.items()}
     assert sizes == {

@@ -59,6 +59,8 @@ FORMULAS = {
     ("pass", "time"): lambda launch: launch.course.rest.time,
     ("plan", "objective joint-speed"):
         lambda plan: np.mean((plan.v / plan.leg.velocity_limit) ** 2),
+    ("plan", "contact above the ball's centre"): lambda plan: contact_point(plan.impact)[0],
+    ("plan", "contact to the left of it"): lambda plan: round(contact_point(plan.impact)[1], 12),
     ("reach", "-10, 20 deg"): lambda reach: (21.43, 31.3, 44.3),
     **{("library", axis): lambda library, k=k: IN_TABLES[k] * library.reader.lower[k]
        for k, axis in enumerate(AXES)},
@@ -123,6 +125,12 @@ TEXTS = {
     "hit the ball", "elevation error", "miss, 50% of the runs", "warning", "broken",
 }  # fmt: skip
 """Rows with numbers in a text of several words, or whose like is compared."""
+
+
+def contact_point(impact):
+    """Return the contact point above the ball's centre, and to the left as the ball flies [m]."""
+    arm, velocity = -impact.ball.radius * impact.contact.normal, impact.ball_after.velocity
+    return arm[2], (velocity[0] * arm[1] - velocity[1] * arm[0]) / np.hypot(*velocity[:2])
 
 
 def speeds(run):

@@ -364,13 +364,12 @@ def plan(
     output.write_json(document)
     if output.prints:
         print_wrapped("\n".join(sentences), indent=0)
-        print_wrapped("\n".join(report.table()))
+        output.print_rows(planned, planned.impact)
         for result in results.values():
             click.echo(f"\n{result}")
     output.save_plot(planned.plot)
-    if output.view is not None:  # the page has the warnings itself
-        caption = " ".join(line for line in sentences if not line.startswith("Warning: "))
-        output.save_page(run or planned, caption=caption, scenery=_scenery(report))
+    if output.view is not None:
+        output.save_page(run or planned, caption=" ".join(sentences), scenery=_scenery(report))
     output.name_written(output.plot, output.view, output.out)
 
 

@@ -151,10 +151,20 @@ class KickPlan(ReprMixin):
                 yield "target in the world frame", self.target_position, "m"
             if self.share < 1.0:
                 yield "share of the change of velocity", self.share, ""
-        yield "posture", self.q, "rad"
-        yield "joint velocity", self.v, "rad/s"
+        up, left = self.impact_target.contact_offset
+        yield "contact above the ball's centre", 1e3 * up, "mm"
+        yield "contact to the left of it", round(1e3 * left, 9), "mm"
+        if abs(math.degrees(self.heading)) >= 0.005:
+            yield "heading", math.degrees(self.heading), "deg"
+        leg = self.leg
+        for name, (value, unit) in leg.display_values(self.q).items():
+            speed = float(self.v[leg.velocity_index(name)])
+            if value or speed:
+                yield name, round(value, 9), f"{unit}, {speed:.4g} {leg.joint_unit(name)}/s"
         yield "impulse on the ball", self.impact.impulse, "N s"
         yield "launch", self.impact.ball_after.velocity, "m/s"
+        if self.share < 1.0:
+            yield "wished launch", self.launch.velocity, "m/s"
         if isinstance(self.goal, Goal):
             yield "landing error", self.landing_error, "m"
             yield "time error", self.time_error, "s"
@@ -163,7 +173,7 @@ class KickPlan(ReprMixin):
         yield f"objective {self.objective}", self.value, self.objective.unit
         yield "share of the speed limit", self.speed_use, ""
         yield "share of the torque limit", self.torque_use, ""
-        yield from warned([line.partition("; ")[0] for line in self.warnings])
+        yield from warned(self.warnings)
 
     @property
     def leg(self) -> Leg:

@@ -16,8 +16,8 @@ from numpy.polynomial import Polynomial
 
 from kickdyn.ball import Ball
 from kickdyn.core import validation
-from kickdyn.core.files import check_file, finite, read_text, read_toml
-from kickdyn.core.representation import ReprMixin, Row, format_value
+from kickdyn.core.files import attributes, check_file, plain, read_text, read_toml
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput, printable
 from kickdyn.identification.body_track import TRANSLATION, BodyTrack
@@ -103,18 +103,10 @@ class FileCheck(ReprMixin):
 
     def to_json(self) -> dict[str, Any]:
         """Return the lines with their numbers, in the units that they name."""
-
-        def plain(value: object) -> Any:
-            if isinstance(value, float):
-                return finite(float(value))
-            numbers = isinstance(value, int | np.generic | np.ndarray)
-            return np.asarray(value).tolist() if numbers else format_value(value)
-
         rows = [
             {"name": name, "value": plain(value), "unit": unit} for name, value, unit in self.rows
         ]
-        return {"kind": self.kind, "rows": rows, "problems": [*self.problems],
-                "commands": [*self.commands]}  # fmt: skip
+        return attributes(self, "kind problems commands") | {"rows": rows}
 
 
 class _Found:

@@ -10,6 +10,7 @@ from kickdyn.aerodynamics.drag import MODELS
 from kickdyn.air import Air
 from kickdyn.cli.commands import busy
 from kickdyn.cli.option_groups import BallOptions, OutputOptions, command, option, read_drag
+from kickdyn.core.files import attributes, plain
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.ground import Ground
 from kickdyn.identification.identification_result import (
@@ -208,23 +209,16 @@ def _document(split: Segments | None, fits: list[Fit], failures: list[str]) -> d
     """Return all numbers; those that the measurement does not determine are null."""
     flights = [
         {
-            **{"first": first, "last": last, "rms": result.rms, "outliers": result.outliers},
+            **{"first": first, "last": last},
+            **attributes(result, "rms outliers warnings"),
             "values": {name: result.values.get(name) for name in result.names},
             "deviations": {name: result.deviations.get(name) for name in result.names},
-            "warnings": [*result.warnings],
         }
         for first, last, result in fits
     ]
     document: dict[str, Any] = {"flights": flights, "not_fitted": failures}
     if split is not None:
-        document |= {name: mean and mean._asdict() for name, mean in _means(fits).items()}
+        document |= plain(_means(fits)) | attributes(split, " ".join(["warnings", *COEFFICIENTS]))
         document["too_short"], document["samples_at_ends"] = _unused(split)
-        document["warnings"] = [*split.warnings]
-        document["segments"] = [
-            {name: getattr(segment, name) for name in ("kind", "first", "last", "begins")}
-            for segment in split.parts
-        ]
-        for name in COEFFICIENTS:
-            value = getattr(split, name)
-            document[name] = value and value._asdict()
+        document["segments"] = [attributes(x, "kind first last begins") for x in split.parts]
     return document

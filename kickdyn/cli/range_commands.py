@@ -14,7 +14,7 @@ from typing import Any
 import click
 import numpy as np
 
-from kickdyn.cli.commands import busy, print_wrapped, warn
+from kickdyn.cli.commands import busy
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
@@ -85,11 +85,8 @@ def reach(
             ball_position=height_of_ball(robot, struck, contact.offset), motion=output.motion,
             tolerance=output.tolerance, file=output.out, progress=show,
         )  # fmt: skip
-    warn(table.warnings)
     output.write_json(table.to_json())
-    if output.prints:
-        limits = "whole motions" if table.motion else "the impact alone: upper bounds"
-        print_wrapped("\n".join([f"{table.robot}, limits of {limits}", *table.table()]))
+    output.print_rows(table)
     output.save_plot(table.plot)
     output.name_written(output.plot, output.out)
 

@@ -11,7 +11,7 @@ import numpy as np
 from kickdyn.cli.commands import busy, check_page_name, print_wrapped, warn
 from kickdyn.cli.option_groups import JsonOptions, PlotOptions, command, scene_argument
 from kickdyn.core import validation
-from kickdyn.core.files import finite
+from kickdyn.core.files import attributes, plain
 from kickdyn.core.plot_style import styled
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
@@ -46,7 +46,7 @@ def simulate(scene_file: str, tolerance: float, exact: bool, output: JsonOptions
     output.name_written()
 
 
-JOINT_NUMBERS = ("force", "force_deviation", "moment", "moment_deviation")
+JOINT_NUMBERS = "force force_deviation moment moment_deviation"
 """Numbers of `JointUncertainty` in JSON [N s, N m s]."""
 
 
@@ -61,28 +61,24 @@ def numbers_of(answer: Simulation) -> dict[str, Any]:
         "ball_spin": answer.launch.spin.tolist(),
         "end": answer.end.position.tolist(),
         "time": float(answer.end.time),
-        "error": finite(answer.error),
         "wall": passage and {"above": passage.above, "beside": passage.beside},
-        "goal_mouth": score and score._asdict(),
-        "warnings": list(answer.warnings),
+        "goal_mouth": plain(score),
+        **attributes(answer, "error warnings"),
     }
 
 
 def _simulation_document(answer: Simulation) -> dict[str, Any]:
     """Return the numbers of a simulation, its tolerance and its effects."""
     numbers = numbers_of(answer)
-    for name in ("tolerance", "within_tolerance", "status", "method", "evaluations", "seconds"):
-        numbers[name] = getattr(answer, name)
-    for name in ("model_error", "numerical_error", "end_deviation"):
-        numbers[name] = finite(getattr(answer, name))
+    numbers |= attributes(answer, "tolerance within_tolerance status method evaluations seconds")
+    numbers |= attributes(answer, "model_error numerical_error end_deviation")
     numbers["joint_impulses"] = answer.launch_spread and {
-        name: {key: finite(getattr(joint, key)) for key in JOINT_NUMBERS}
+        name: attributes(joint, JOINT_NUMBERS)
         for name, joint in answer.launch_spread.joints.items()
     }
     numbers["effects"] = [
-        {"effect": size.effect, "modelled": size.effect in answer.modelled,
-         "negligible": size.effect in answer.negligible, "size": finite(size.end),
-         "seconds": size.seconds}
+        {"modelled": size.effect in answer.modelled, "size": plain(size.end),
+         "negligible": size.effect in answer.negligible, **attributes(size, "effect seconds")}
         for size in answer.effects
     ]  # fmt: skip
     return numbers
@@ -155,10 +151,10 @@ def _view_document(simulation: Simulation) -> dict[str, Any]:
         "frame": leg.frame,
         **joints,
         "impulse": impact.impulse.tolist(),
-        "joint_impulses": {name: impulse.tolist() for name, _, impulse in impulses},
+        "joint_impulses": plain({name: impulse for name, _, impulse in impulses}),
         "foot_speed": float(np.linalg.norm(impact.foot_velocity)),
         "launch_angle": float(simulation.launch.elevation),
-        "neglected": dict.fromkeys(simulation.neglected, finite(simulation.model_error)),
+        "neglected": dict.fromkeys(simulation.neglected, plain(simulation.model_error)),
     }
 
 
@@ -196,11 +192,7 @@ def _compare_functions(output: PlotOptions) -> None:
         rows = measure_functions(show)
     output.save_plot(partial(cost_figure, rows))
     units = {"seconds": "s", "seconds_alike": "s", "rounding": "1", "model": "1"}
-    numbers = "rounding", "model", "seconds_alike"
-    functions = [
-        row._asdict() | {name: finite(getattr(row, name)) for name in numbers} for row in rows
-    ]
-    output.write_json({"units": units, "functions": functions})
+    output.write_json({"units": units, "functions": plain(rows)})
     if output.prints:
         lines = [f"{'function':28}{'time [us]':>12}{'rounding':>12}{'model':>12}"]
         for row in rows:
@@ -229,8 +221,7 @@ def _measure_scene(scene: str, output: PlotOptions) -> None:
         "scene": loaded.name, "status": exact.status,
         "end": exact.end.position.tolist(), "impulse": exact.impact.impulse.tolist(),
         "units": {"end": "m", "impulse": "N s"},
-        "effects": [vars(size) | {"end": finite(size.end), "impulse": finite(size.impulse)}
-                    for size in sizes],
+        "effects": plain(sizes),
     })  # fmt: skip
     if output.prints:
         impulse = float(np.linalg.norm(exact.impact.impulse))

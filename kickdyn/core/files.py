@@ -8,10 +8,13 @@ import stat
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from kickdyn.core.validation import brief
 from kickdyn.errors import FaultyFile, InvalidInput, shortened
@@ -193,6 +196,25 @@ def write_json(path: str, document: object) -> None:
         draft.write_text(text, encoding="utf-8")
 
 
-def finite(value: float) -> float | None:
-    """Return a number for JSON: None, which is null there, where it is not finite."""
-    return value if math.isfinite(value) else None
+def plain(value: Any) -> Any:
+    """Return a value as JSON can hold it.
+
+    Records, such as named tuples, are mappings and arrays lists. A number that is not finite is
+    None, which is null in JSON.
+    """
+    if is_dataclass(value):
+        value = vars(value)
+    elif isinstance(value, tuple) and hasattr(value, "_asdict"):
+        value = value._asdict()
+    elif isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {name: plain(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def attributes(value: object, names: str) -> dict[str, Any]:
+    """Return attributes for JSON, by their names, which are separated by blanks."""
+    return {name: plain(getattr(value, name)) for name in names.split()}

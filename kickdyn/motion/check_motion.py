@@ -12,7 +12,7 @@ import xarray as xr
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.files import finite
+from kickdyn.core.files import attributes, plain
 from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays, warned
 from kickdyn.core.validation import Array
@@ -152,9 +152,7 @@ class MotionCheck(ReprMixin):
     def to_json(self) -> dict[str, Any]:
         """Return the best frame, launches and broken limits for JSON, with null for nan."""
         table, best, statuses = self.launches, self.best, list(StrikeStatus)
-        columns = {
-            name: [finite(x) for x in table[name].values.tolist()] for name in ("time", *SCALARS)
-        }
+        columns = {name: plain(table[name].values) for name in ("time", *SCALARS)}
         best_frame: dict[str, Any] | None = None
         if best is not None:
             joint, impulse = self.worst_joint(best)
@@ -165,8 +163,7 @@ class MotionCheck(ReprMixin):
             "best": best_frame,
             "launches": columns,
             "status": [str(statuses[k]) for k in table.status.values],
-            "broken": [limit._asdict() for limit in self.broken],
-            "warnings": list(self.warnings),
+            **attributes(self, "broken warnings"),
         }
 
 

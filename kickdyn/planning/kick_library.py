@@ -24,6 +24,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
+from kickdyn.core.files import attributes
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
@@ -435,13 +436,8 @@ class LibraryKick(ReprMixin):
 
     def to_json(self) -> dict[str, Any]:
         """Return the launch, the place of the ball and the margins."""
-        return {
-            "met": self.met,
-            "reason": self.reason,
-            **{name: float(value) for name, value in zip(AXES, self.point, strict=True)},
-            "heading": self.heading,
-            "margins": self.margins,
-        }
+        place = dict(zip(AXES, self.point.tolist(), strict=True))
+        return attributes(self, "met reason heading margins") | place
 
     @property
     def met(self) -> bool:

@@ -4,10 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from kickdyn.ball import BallState
-from kickdyn.core.files import finite
+from kickdyn.core.files import attributes, plain
 from kickdyn.core.representation import distance_in_words
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -100,10 +98,10 @@ class PlanReport:
             "goal": _goal_json(plan.goal),
             "launch": _launch_json(plan.launch),
             "impact": {
-                **_attributes(impact, "impulse foot_velocity restitution"),
+                **attributes(impact, "impulse foot_velocity restitution"),
                 "restitution_given": impact.contact.restitution,
                 "normal": impact.contact.normal.tolist(),
-                "effective_mass": {limit: finite(mass) for limit, mass in masses.items()},
+                "effective_mass": plain(masses),
                 "up_m": up,
                 "left_m": left,
             },
@@ -112,12 +110,12 @@ class PlanReport:
                 "heading_deg": math.degrees(plan.heading),
                 "q_deg": leg.angles_deg(plan.q),
                 "q_m": leg.positions_m(plan.q),
-                **_attributes(plan, "v objective value binding speed_use torque_use"),
+                **attributes(plan, "v objective value binding speed_use torque_use"),
                 "worst_joint": joint,
                 "worst_joint_impulse": joint_impulse,
             },
             "time": plan.path.duration,
-            **_attributes(plan, f"share warnings {errors}"),
+            **attributes(plan, f"share warnings {errors}"),
         }
         if plan.corrected_by:
             report["corrected_by"] = plan.corrected_by
@@ -125,7 +123,7 @@ class PlanReport:
             slopes, meeting = _landing_slopes(plan), _meeting_json(plan.meeting)
             if isinstance(plan.goal, Goal):
                 meeting["target_position"] = plan.target_position.tolist()
-            meeting["landing_slopes"] = slopes and _attributes(slopes, "time velocity place")
+            meeting["landing_slopes"] = slopes and attributes(slopes, "time velocity place")
             report |= {"meeting": meeting, "meetings": [_meeting_json(x) for x in plan.meetings]}
         if self.wall is not None:
             above, beside, _ = passage_of(self.wall, plan) or (None, None, None)
@@ -136,12 +134,12 @@ class PlanReport:
             report["stance"] = {
                 "footing": {name: str(state) for name, state in impact.footing.items()},
                 "balance": plan.balance,
-                "impulse": {name: p.tolist() for name, p in impact.support_impulses.items()},
+                "impulse": plain(impact.support_impulses),
                 "friction": {name: _least_friction(name, plan) for name in impact.footing},
             }
         if plan.motion is not None:
             samples = plan.motion.samples(SAMPLE_RATE)
-            numbers = _attributes(samples, "q v torque ground_wrench")
+            numbers = attributes(samples, "q v torque ground_wrench")
             report["motion"] = {"joints": samples.joints, "time": samples.t.tolist(), **numbers}
         return report
 
@@ -291,25 +289,21 @@ def _limit_use(speed: float, torque: float) -> str:
     return f"up to {' and '.join(named)}" if named else "no use of the limits"
 
 
-def _attributes(source: object, names: str) -> dict[str, Any]:
-    return {name: np.asarray(getattr(source, name)).tolist() for name in names.split()}
-
-
 def _launch_json(launch: Launch | Pass | BallState) -> dict[str, Any]:
     if isinstance(launch, BallState):
-        return _attributes(launch, "speed velocity spin")
+        return attributes(launch, "speed velocity spin")
     angles = {"angle_deg": math.degrees(launch.angle), "azimuth_deg": math.degrees(launch.azimuth)}
-    return _attributes(launch, "speed velocity spin time iterations") | angles
+    return attributes(launch, "speed velocity spin time iterations") | angles
 
 
 def _goal_json(goal: Goal | BallState) -> dict[str, Any]:
     if isinstance(goal, BallState):
-        return _attributes(goal, "velocity")
+        return attributes(goal, "velocity")
     beside = {} if goal.beside is None else {"beside": goal.beside}
     return {"target_m": goal.target.tolist(), goal.kind: getattr(goal, goal.kind), **beside}
 
 
 def _meeting_json(meeting: Meeting) -> dict[str, Any]:
     use = meeting.speed_use if meeting.impact is not None else None
-    numbers = _attributes(meeting.ball, "time position velocity spin")
+    numbers = attributes(meeting.ball, "time position velocity spin")
     return numbers | {"share": meeting.share, "speed_use": use, "reason": meeting.reason}

@@ -15,7 +15,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.files import check_writable, read_text, replacing
+from kickdyn.core.files import attributes, check_writable, read_text, replacing
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, warned
@@ -90,27 +90,17 @@ class ReachTable(ReprMixin):
 
     def _rows(self) -> Iterable[Row]:
         yield "robot", self.robot, ""
-        yield "limits", "of the motion" if self.motion else "of the impact alone", ""
+        limits = "of the motion" if self.motion else "of the impact alone: upper bounds"
+        yield "limits", limits, ""
         for row in self.rows:
             text = f"{row.speed:.4g} m/s, {row.carpet:.3g} m on carpet, {row.turf:.3g} m on turf"
+            text += f"; {row.reason}" if row.reason else ""
             yield f"{row.azimuth:g}, {row.elevation:g} deg", text, ""
         yield from warned(self.warnings)
 
     def to_json(self) -> dict[str, object]:
         """Return the numbers, for JSON."""
-        rows = [asdict(row) for row in self.rows]
-        return {"robot": self.robot, "motion": self.motion, "rows": rows}
-
-    def table(self) -> list[str]:
-        """Return the table as lines of text."""
-        heads = ("azimuth", "elevation", "speed", "carpet", "turf")
-        units = ("[deg]", "[deg]", "[m/s]", "[m]", "[m]")
-        lines = ["".join(f"{word:>11}" for word in words) for words in (heads, units)]
-        for row in self.rows:
-            numbers = row.azimuth, row.elevation, row.speed, row.carpet, row.turf
-            texts = [f"{number:.3g}" for number in numbers]
-            lines.append(f"{''.join(f'{text:>11}' for text in texts)}  {row.reason}".rstrip())
-        return lines
+        return attributes(self, "robot motion rows")
 
     @styled()
     def plot(self) -> Any:

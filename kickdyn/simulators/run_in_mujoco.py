@@ -12,6 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
+from kickdyn.core.files import attributes
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -171,15 +172,11 @@ class MujocoRun(ReprMixin):
         of_ball = {
             "ball_velocity": self.ball_after.velocity.tolist(),
             "ball_spin": self.ball_after.spin.tolist(),
-            **{name: getattr(self, name)
-               for name in ("speed_error", "direction_error", "miss", "delay")},
-        }  # fmt: skip
-        return {
-            **{name: None if self.path is None else value for name, value in of_ball.items()},
-            **{name: getattr(self, name) for name in ("upright", "foot", "seed")},
-            "margins": dict(self.margins),
-            "warnings": list(self.warnings),
+            **attributes(self, "speed_error direction_error miss delay"),
         }
+        if self.path is None:
+            of_ball = dict.fromkeys(of_ball)
+        return of_ball | attributes(self, "upright foot seed margins warnings")
 
     def _rows(self) -> Iterable[Row]:
         yield "foot", self.foot, ""

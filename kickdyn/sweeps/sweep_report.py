@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from kickdyn.contact import Contact
-from kickdyn.core.files import finite
+from kickdyn.core.files import plain
 from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import PIPE_WIDTH, PROSE, empty_table, screen_width, wrapped
 from kickdyn.core.validation import Array, length
@@ -60,8 +60,8 @@ class ReportLine:
             "posture": self.label,
             **joint_values_by_unit(self.angles, {name: _unit(leg, name) for name in self.angles}),
             "status": self.outcome.status.value,
-            **{name: finite(value) for name, value in self.values.items()},
-            "free_effective_mass": None if impact is None else finite(impact.free_effective_mass),
+            **plain(self.values),
+            "free_effective_mass": None if impact is None else plain(impact.free_effective_mass),
             "impulse_vector": None if impact is None else impact.impulse.tolist(),
             "worst_joint": None if impact is None else impact.worst_joint[0],
             "paper_immovable_impulse": self.paper,

@@ -14,7 +14,7 @@ from tolerances import closed_form, integrated
 import kickdyn as kd
 from kickdyn.cli import function_costs
 from kickdyn.cli.scene_commands import effect_figure
-from kickdyn.core.files import finite
+from kickdyn.core.files import plain
 from kickdyn.core.representation import distance_in_words
 from kickdyn.scene.effects import EffectSize
 from kickdyn.scene.launch_and_end import strike_scene
@@ -34,7 +34,7 @@ def right_numbers(answer):
         "end": answer.path.sample(answer.path.duration).position, "time": answer.path.duration,
         "error": answer.model_error + answer.numerical_error, "model_error": answer.model_error,
         "numerical_error": answer.numerical_error, "evaluations": answer.evaluations,
-        "end_deviation": finite(answer.end_deviation), "within_tolerance": True,
+        "end_deviation": plain(answer.end_deviation), "within_tolerance": True,
         "wall": passage and {"above": passage.above, "beside": passage.beside},
         "goal_mouth": score and {"end": score.end, "post": score.post, "bar": score.bar},
         "warnings": list(answer.warnings),

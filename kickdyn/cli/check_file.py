@@ -103,9 +103,7 @@ class FileCheck(ReprMixin):
 
     def to_json(self) -> dict[str, Any]:
         """Return the lines with their numbers, in the units that they name."""
-        rows = [
-            {"name": name, "value": plain(value), "unit": unit} for name, value, unit in self.rows
-        ]
+        rows = [{"name": name, "value": plain(x), "unit": unit} for name, x, unit in self.rows]
         return attributes(self, "kind problems commands") | {"rows": rows}
 
 

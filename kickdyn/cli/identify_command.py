@@ -41,7 +41,7 @@ class MeasurementOptions:
         help="Names of the columns with time [s] and coordinates [m].",
     )  # fmt: skip
     marker: str | None = option(
-        "--marker", metavar="NAME", help="Marker of a C3D file; needs kickdyn[c3d]."
+        "--marker", metavar="NAME", help="Marker of a C3D file (kickdyn[c3d])."
     )
     ground_height: float = option(
         "--ground-height", default=0.0, show_default=True, help="Height of the ground [m]."
@@ -119,9 +119,8 @@ def identify(
         for number, (first, last) in enumerate(ranges, start=1):
             show(f"fitting flight {number} of {len(ranges)}")
             try:
-                result = identify_flight(
-                    track[first:last], struck_ball, air, free=["spin", *fitted]
-                )
+                part = track[first:last]
+                result = identify_flight(part, struck_ball, air, free=["spin", *fitted])
                 fits.append(Fit(first, last, result))
             except KickdynError as error:
                 if split is None:

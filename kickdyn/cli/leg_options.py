@@ -62,9 +62,8 @@ def load_leg(
         return read_leg(shipped_urdf(SHIPPED[name]), frame, base, (), locked, drives)
     degrees = InDegrees(locked or {})
     if name in ROBOTS:
-        robot = Leg.from_robot(
-            name, frame, base=base, legs_only=legs_only, locked=degrees, drives=drives
-        )
+        how: Any = {"base": base, "locked": degrees, "drives": drives}
+        robot = Leg.from_robot(name, frame, legs_only=legs_only, **how)
         return robot if base == "floating" or not legs_only else kicking_chain(robot).leg
     if described and not os.path.exists(name):  # noqa: PTH110
         return Leg.from_robot(name, frame, base=base, locked=degrees, drives=drives, facing=facing)

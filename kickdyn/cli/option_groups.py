@@ -97,9 +97,8 @@ class FootOptions:
     @property
     def angle(self) -> float:
         """Direction above the horizontal [rad]."""
-        return math.radians(
-            validation.number("attack", self.attack, at_least=-90, at_most=90, unit="deg")
-        )
+        angle = validation.number("attack", self.attack, at_least=-90, at_most=90, unit="deg")
+        return math.radians(angle)
 
 
 @dataclass(frozen=True)
@@ -205,7 +204,7 @@ class JsonOptions:
     """The file of the results as JSON; `-` is stdout, and then nothing else is printed."""
 
     json_file: str | None = option(
-        "--json", metavar="FILE", help="Write the results as JSON; - is stdout."
+        "--json", metavar="FILE", help="Write results as JSON; - is stdout."
     )
 
     @property
@@ -241,9 +240,7 @@ class JsonOptions:
 class PlotOptions(JsonOptions):
     """Where results are written: as JSON, and as a plot."""
 
-    plot: str | None = option(
-        "--plot", metavar="FILE", help="Plot the results: .png, .svg or .pdf."
-    )
+    plot: str | None = option("--plot", metavar="FILE", help="Plot the results: .png, .svg, .pdf.")
 
     def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
         """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""

@@ -387,9 +387,8 @@ def _carry_out(
             planned = refine_kick(planned, rounds=output.corrections, by="mujoco", foot=foot)
         run, noisy = run_in_mujoco(planned, foot=foot), None
         if output.noisy_runs is not None:
-            noisy = run_with_noise(
-                planned, output.noisy_runs, tuning=run.tuning, progress=show, foot=foot
-            )
+            options: Any = {"tuning": run.tuning, "progress": show, "foot": foot}
+            noisy = run_with_noise(planned, output.noisy_runs, **options)
     return planned, run, noisy
 
 

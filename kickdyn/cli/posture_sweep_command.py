@@ -127,9 +127,7 @@ class StoreOptions:
         if self.store is None and self.resume:
             raise InvalidInput("--resume needs a Zarr store: add --out DIR.zarr")
         if self.out is None and self.variables is not None:
-            raise InvalidInput(
-                "--variables selects what --out writes: add --out FILE.nc or DIR.zarr"
-            )
+            raise InvalidInput("--variables is for --out: add --out FILE.nc or DIR.zarr")
 
 
 @command("posture-sweep")
@@ -210,13 +208,11 @@ def _save_page(file: str, kick: Kick, lines: Iterable[ReportLine]) -> str | None
     """Write a page with a button for each line that has an impact; return its name, if any has."""
     from kickdyn.view.page import page, page_of_pages  # imports meshcat
 
-    pages = {
-        line.label: page(
-            impact, fly(impact.ball_after, kick.ball, kick.air), caption=line.explanation
-        )
-        for line in lines
-        if (impact := line.outcome.impact) is not None
-    }
+    pages = {}
+    for line in lines:
+        if (impact := line.outcome.impact) is not None:
+            path = fly(impact.ball_after, kick.ball, kick.air)
+            pages[line.label] = page(impact, path, caption=line.explanation)
     if not pages:
         return None
     made_page = page_of_pages(pages)

@@ -231,9 +231,8 @@ def _measure_scene(scene: str, output: PlotOptions) -> None:
             f"\n{'effect':14}{'end moves by [m]':>18}{'impulse changes by [N s]':>26}",
         ]
         for size in sizes:
-            end, impulse_change = (
-                "" if math.isnan(value) else f"{value:.3g}" for value in (size.end, size.impulse)
-            )
+            sizes_of = size.end, size.impulse
+            end, impulse_change = ("" if math.isnan(x) else f"{x:.3g}" for x in sizes_of)
             lines.append(f"{size.effect:14}{end:>18}{impulse_change:>26}  {size.why_not}".rstrip())
         print_wrapped("\n".join([*lines, "", *(f"warning: {line}" for line in exact.warnings)]))
 

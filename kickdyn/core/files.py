@@ -122,6 +122,15 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         raise _refused(path, error) from None
 
 
+def checked_ending(path: str | os.PathLike[str], endings: Iterable[str], use: str) -> str:
+    """Return the ending of a file's name in lower case; refuse one for which there is no `use`."""
+    ending = Path(path).suffix.lower()
+    if ending not in endings:
+        name = f"{shortened(os.fspath(path))} has the extension {ending!r}"
+        raise InvalidInput(f"{name}: {use} {', '.join(endings)}")
+    return ending
+
+
 def _mode(path: str | os.PathLike[str]) -> int:
     try:
         status = os.lstat(path)

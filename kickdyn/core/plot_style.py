@@ -3,13 +3,11 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kickdyn.core.files import replacing
-from kickdyn.errors import InvalidInput
+from kickdyn.core.files import checked_ending, replacing
 
 ENDINGS = (".png", ".svg", ".pdf")
 """Endings of the formats that plots are written in."""
@@ -51,10 +49,7 @@ def styled() -> Iterator[None]:
 
 def check_name(path: str | PathLike[str]) -> None:
     """Raise `InvalidInput` unless the name ends as a picture's does."""
-    if Path(path).suffix.lower() not in ENDINGS:
-        raise InvalidInput(
-            f"{path} has no known extension: plots are written as {', '.join(ENDINGS)}"
-        )
+    checked_ending(path, ENDINGS, "plots are written as")
 
 
 def save_figure(figure: Any, path: str | PathLike[str]) -> None:

@@ -5,6 +5,7 @@ import inspect
 import math
 from collections.abc import Callable, Mapping
 from enum import StrEnum
+from importlib.util import find_spec
 from types import UnionType
 from typing import (
     TYPE_CHECKING,
@@ -194,6 +195,13 @@ def _refuse_type(name: str, value: object, kinds: tuple[type, ...]) -> NoReturn:
         shown = f"of the type {type(value).__name__}"
     makers = [kind.MADE_BY for kind in kinds if hasattr(kind, "MADE_BY")]
     raise InvalidInput("; ".join([f"{name} is {shown}: it must be {valid}", *makers]))
+
+
+def check_installed(package: str, extra: str, what: str) -> None:
+    """Raise `InvalidInput` if an optional package, which `what` needs, is not installed."""
+    if find_spec(package) is None:
+        install = f'pip install "kickdyn[{extra}]"'
+        raise InvalidInput(f"{what} need the package {package}: install it with {install}")
 
 
 def flag(name: str, value: object) -> bool:

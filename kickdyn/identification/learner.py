@@ -169,9 +169,8 @@ class Learner(ReprMixin):
                 "landings at the height of the launch"
             )
         self.goal, self.ball, self.leg, self._model = goal, ball, leg, air
-        self._first_restitution = validation.number(
-            "restitution", restitution, at_least=0.01, at_most=0.99
-        )
+        restitution = validation.number("restitution", restitution, at_least=0.01, at_most=0.99)
+        self._first_restitution = restitution
         self._friction = validation.number("friction", friction, at_least=0)
         self._ball_height, self._motion = ball_height, motion
         if motion and leg is None:
@@ -461,7 +460,5 @@ def _aimed(velocity: Array, errors: ArrayLike) -> Array:
     speed = math.hypot(*velocity) * math.exp(gain)
     elevation = math.atan2(velocity[2], math.hypot(velocity[0], velocity[1])) + up
     azimuth = math.atan2(velocity[1], velocity[0]) + left
-    level = speed * math.cos(elevation)
-    return np.array(
-        [level * math.cos(azimuth), level * math.sin(azimuth), speed * math.sin(elevation)]
-    )
+    level, rise = speed * math.cos(elevation), speed * math.sin(elevation)
+    return np.array([level * math.cos(azimuth), level * math.sin(azimuth), rise])

@@ -11,7 +11,6 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar
@@ -163,9 +162,7 @@ class Track(ValueEquality, ReprMixin):
     def __getitem__(self, index: slice) -> "Track":
         """Return a part of the track; raise `InvalidInput` unless it is a slice with a sample."""
         if not isinstance(index, slice):
-            raise InvalidInput(
-                f"track[{index!r}]: a part of a track is a slice such as track[10:60]"
-            )
+            raise InvalidInput(f"track[{index!r}]: a part of a track is a slice, track[10:60]")
         return Track(self.times[index], self.positions[index])
 
     @property
@@ -259,9 +256,8 @@ def _read_rows(lines: Sequence[str], names: Sequence[str]) -> tuple[Array, list[
     if not columns:
         top = lines[:MOST_TITLES]
         rows = [cells_of(line, mark) for line in top for mark in SEPARATORS]
-        shown = next(
-            (row for row in rows if len(row) >= len(names)), max(rows, key=len, default=[])
-        )
+        longest = max(rows, key=len, default=[])
+        shown = next((row for row in rows if len(row) >= len(names)), longest)
         raise InvalidInput(
             f"{validation.brief(shown)} does not name the columns: between commas, semicolons, "
             f"tabs or blanks, a row must name {', '.join(map(repr, names))} once each, alone or "
@@ -276,9 +272,8 @@ def _read_rows(lines: Sequence[str], names: Sequence[str]) -> tuple[Array, list[
         if is_gap or row[0].startswith(("#", "%")):
             continue
         if number == first + 1:
-            given = [
-                known.get(x.strip("[]()").lower()) for x, known in zip(cells, UNITS, strict=True)
-            ]
+            words = [cell.strip("[]()").lower() for cell in cells]
+            given = [known.get(word) for word, known in zip(words, UNITS, strict=True)]
             if None not in given:
                 units = [unit or 1.0 for unit in given]
                 continue
@@ -434,10 +429,7 @@ def c3d_content(file: str | PathLike[str]) -> tuple[list[str], float, float, int
     memory, or never end. With `-P` it imports nothing from the working directory.
     """
     source = str(file)
-    if find_spec("ezc3d") is None:
-        raise InvalidInput(
-            'C3D files need the package ezc3d: install it with pip install "kickdyn[c3d]"'
-        )
+    validation.check_installed("ezc3d", "c3d", "C3D files")
     check_file(file, source, LARGEST_FILE, FaultyFile)
     code = f"from {__name__} import _send_c3d; _send_c3d()"
     paths = os.pathsep.join(filter(None, sys.path))

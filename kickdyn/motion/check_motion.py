@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -206,14 +205,8 @@ def check_motion(
         InvalidInput: a motion of another robot, a number out of range, or the package casadi is
             not installed (`pip install "kickdyn[motion]"`).
     """
-    if find_spec("casadi") is None:
-        raise InvalidInput(
-            'limits of motions need the package casadi: pip install "kickdyn[motion]" installs it'
-        )
-    from kickdyn.motion.limits import (
-        FRICTION,  # it imports CasADi
-        margins_of,
-    )
+    validation.check_installed("casadi", "motion", "limits of motions")
+    from kickdyn.motion.limits import FRICTION, margins_of  # it imports CasADi
 
     recorded, contact = as_recorded(motion), contact or Contact()
     if recorded.leg.joint_names != robot.joint_names or recorded.leg.nq != robot.nq:

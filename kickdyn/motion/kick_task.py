@@ -214,9 +214,8 @@ def limits_on_both(task: KickTask) -> tuple[list[Limit], list[Limit]]:
     standing, other = task.standing, task.other
     assert standing is not None
     assert other is not None
-    of_support = [
-        limit for limit in limits_of(task)[0] if not isinstance(limit, Clearance | Apart | Pressure)
-    ]
+    limits, _ = limits_of(task)
+    of_support = [x for x in limits if not isinstance(x, Clearance | Apart | Pressure)]
     return of_support, ground_limits(other, _friction(standing), INSIDE)
 
 

@@ -24,7 +24,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.files import attributes
+from kickdyn.core.files import attributes, checked_ending
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
@@ -109,8 +109,7 @@ def kick_library(
         Unfinished: interrupted by Ctrl-C, a full disk or lost workers.
     """
     path = Path(file)
-    if path.suffix != ".npz":
-        raise InvalidInput(f"{path.name} has the extension {path.suffix!r}: it must be .npz")
+    checked_ending(path, (".npz",), "a library is written as")
     given, contact = contact, checked_contact(contact)
     named = {"speed": speed, "elevation": elevation, "azimuth": azimuth, "x": x, "y": y}
     ranges = {name: _checked_range(name, value) for name, value in named.items()}
@@ -150,9 +149,7 @@ def _checked_range(name: str, value: Range | None) -> tuple[float, float] | None
     for each in pair:
         validation.number(name, each, above=above, unit=UNITS[name])
         if abs(each) > most:
-            raise InvalidInput(
-                f"{name} is {each:g} rad: at most {most:.4g} (angles are in radians)"
-            )
+            raise InvalidInput(f"{name} is {each:g} rad: at most {most:.4g}, in radians")
     return float(pair[0]), float(pair[-1])
 
 
@@ -231,9 +228,8 @@ class KickLibrary(ReprMixin):
         for name, low, high in zip(AXES, self.reader.lower, self.reader.upper, strict=True):
             pair = ranges.get(name)
             if pair is not None and not np.allclose(pair, (low, high)):
-                raise InvalidInput(
-                    f"{name} is {_shown(name, *pair)}: {exists} {_shown(name, low, high)}"
-                )
+                wanted, has = _shown(name, *pair), _shown(name, low, high)
+                raise InvalidInput(f"{name} is {wanted}: {exists} {has}")
         for name, value, stored, unit in (
             ("mass of the ball", ball and ball.mass, a["ball"][0], "kg"),
             ("radius of the ball", ball and ball.radius, a["ball"][1], "m"),

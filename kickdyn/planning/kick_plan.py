@@ -118,9 +118,7 @@ class KickPlan(ReprMixin):
                 `plan_kick`.
         """
         if self._again is None or self.meeting is None:
-            raise InvalidInput(
-                "the plan is for a ball at rest: replan needs plan_kick(..., incoming=)"
-            )
+            raise InvalidInput("the ball is at rest: replan needs plan_kick(..., incoming=)")
         validation.check_type(BallState, IncomingBall, incoming=incoming)
         ground = self.meeting.ground
         seen = incoming if isinstance(incoming, BallState) else incoming.state

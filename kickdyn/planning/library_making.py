@@ -138,9 +138,7 @@ class LibraryMaking:
             })  # fmt: skip
         first = _read_arrays(stored)
         if str(first.get("settings")) != settings:
-            raise InvalidInput(
-                f"{self.folder} has parts of a library with other settings: remove it"
-            )
+            raise InvalidInput(f"{self.folder} has parts with other settings: remove it")
         self.lower, self.upper = first["ranges"].T
         aside = dict(zip(first["aside"].tolist(), first["angles"].tolist(), strict=True))
         joints = tuple(first["joints"].tolist())
@@ -322,6 +320,7 @@ class LibraryMaking:
             checks = [self.checks.get(_name(*checked)) for checked in cell.checked()]
             rows = [check[1] for check in checks if check and check[1]]
             least.append(np.min(rows, axis=0) if rows else np.full(len(labels), np.nan))
+        nodes = [[numbers.get(corner, -1) for corner in cell.corners()] for cell in cells]
         lows = [self._point(cell.low) for cell in cells]
         highs = [self._point(cell.corners()[-1]) for cell in cells]
         arrays |= {
@@ -331,9 +330,7 @@ class LibraryMaking:
             "coefficients": np.array([self._coefficients(key) for key in names]),
             "cell_lower": np.array(lows),
             "cell_upper": np.array(highs),
-            "cell_nodes": np.array([
-                [numbers.get(corner, -1) for corner in cell.corners()] for cell in cells
-            ]),
+            "cell_nodes": np.array(nodes),
             "cell_reasons": np.array([self._reason(cell) for cell in cells], dtype=str),
             "cell_margins": np.array(least),
             "limits": np.array(labels),

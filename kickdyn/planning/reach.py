@@ -15,7 +15,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.files import attributes, check_writable, read_text, replacing
+from kickdyn.core.files import attributes, check_writable, checked_ending, read_text, replacing
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, warned
@@ -110,9 +110,8 @@ class ReachTable(ReprMixin):
         figure = Figure(figsize=(7.5, 6.5))
         speeds, distances = figure.subplots(2, 1, sharex=True)
         for number, side in enumerate(dict.fromkeys(row.azimuth for row in self.rows)):
-            rows = sorted(
-                (row for row in self.rows if row.azimuth == side), key=lambda row: row.elevation
-            )
+            rows = [row for row in self.rows if row.azimuth == side]
+            rows.sort(key=lambda row: row.elevation)
             angles, colour = [row.elevation for row in rows], f"C{number}"
             largest, label = [row.speed for row in rows], f"azimuth {side:g} deg"
             speeds.plot(angles, largest, "o-", color=colour, label=label)
@@ -185,8 +184,8 @@ def reach(
     tolerance = validation.number("tolerance", tolerance, at_least=1e-3, at_most=0.5)
     sides, heights = _angles("azimuths", azimuths, 180.0), _angles("elevations", elevations, 80.0)
     validation.number("elevations", min(heights), at_least=0, unit="deg")
-    if file is not None and Path(file).suffix.lower() != ".csv":
-        raise InvalidInput(f"file is {os.fspath(file)!r}: a table of launches is written as .csv")
+    if file is not None:
+        checked_ending(file, (".csv",), "a table of launches is written as")
     options = {"contact": contact, "ball_position": ball_position, "motion": motion}
     settings = {
         "robot": robot.name,

@@ -115,9 +115,8 @@ def _faults_of(table: Table, content: dict[str, Any]) -> list[str]:
             faults += [f"{prefix}{name} is missing" for name in group]
         elif len(present) != 1:
             which = " and ".join(present) or "none"
-            faults.append(
-                f"{table.name} has {which} of {', '.join(group)}: it must have exactly one"
-            )
+            among = ", ".join(group)
+            faults.append(f"{table.name} has {which} of {among}: it must have exactly one")
     return faults
 
 

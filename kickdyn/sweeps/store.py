@@ -22,6 +22,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from kickdyn.core import validation
-from kickdyn.core.files import replacing
+from kickdyn.core.files import checked_ending, replacing
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.sweeps.dataset import STATUS_ATTRIBUTES, VARIABLES, attributes_of, difference
@@ -320,11 +321,7 @@ def _damage(file: Path) -> str:
 
 def check_netcdf_name(path: str | PathLike[str]) -> None:
     """Raise `InvalidInput` unless the name ends in `.nc`."""
-    if Path(path).suffix != ".nc":
-        raise InvalidInput(
-            f"{path} has no known extension: a sweep is written as .nc (netCDF 4) or .zarr (a "
-            "store)"
-        )
+    checked_ending(path, (".nc",), "a sweep is written as .zarr (a store) or, as netCDF 4,")
 
 
 def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
@@ -350,10 +347,5 @@ def _checked_path(path: str | PathLike[str]) -> Path:
 
 
 def _zarr() -> Any:
-    try:
-        import zarr
-    except ImportError:
-        raise InvalidInput(
-            'Zarr stores need the package zarr: install it with pip install "kickdyn[store]"'
-        ) from None
-    return zarr
+    validation.check_installed("zarr", "store", "Zarr stores")
+    return import_module("zarr")

@@ -283,9 +283,8 @@ def to_glb(recorder: Recorder) -> bytes:
             parent = name
         placement = np.reshape(lowered["object"]["matrix"], (4, 4)).T
         name = f"{parent}_mesh"
-        scene.add_geometry(
-            mesh, node_name=name, geom_name=name, parent_node_name=parent, transform=placement
-        )
+        where = {"node_name": name, "parent_node_name": parent, "transform": placement}
+        scene.add_geometry(mesh, geom_name=name, **where)
     named = {path.removeprefix(ROOT).replace("/", "_"): clip for path, clip in clips.items()}
     return bytes(scene.export(file_type="glb", buffer_postprocessor=partial(_animate, named)))
 

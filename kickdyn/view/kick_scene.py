@@ -12,7 +12,6 @@ from meshcat.animation import Animation
 
 from kickdyn.ball import BallState
 from kickdyn.core.validation import Array
-from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.motion.motion import Motion
@@ -24,6 +23,7 @@ from kickdyn.view import marks
 from kickdyn.view.document import draw_label
 from kickdyn.view.leg_figure import (
     CURVE_POINTS,
+    BallPath,
     DrawnRun,
     SimulatedRun,
     curve_of,
@@ -102,7 +102,7 @@ class Pace(NamedTuple):
 def draw_kick(
     viewer: Any,
     impact: Impact,
-    path: Flight | Course,
+    path: BallPath,
     scenery: Sequence[Box] = (),
     motion: Motion | None = None,
     *,
@@ -205,7 +205,7 @@ def largest_impulse(impact: Impact) -> float:
     return max(float(np.linalg.norm(impact.impulse)), impact.worst_joint[1])
 
 
-def label_end(viewer: Any, path: Flight | Course, curve: Array) -> None:
+def label_end(viewer: Any, path: BallPath, curve: Array) -> None:
     """Label the end of a path with its distance."""
     distance = path.distance if isinstance(path, Course) else path.range
     draw_label(viewer["end"], f"{distance:.3g} m", curve[-1], f"#{marks.CURVE:06x}")
@@ -240,9 +240,8 @@ def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
         Arrow(f"joint_arrows/{number}", start, impulse, JOINT_ARROW, name, number)
         for number, (name, start, impulse) in enumerate(joint_impulses_in_world(impact), start=1)
     ]
-    joints = sorted(
-        (arrow for arrow in joints if arrow.size > least), key=lambda arrow: -round(arrow.size, 9)
-    )
+    joints = [arrow for arrow in joints if arrow.size > least]
+    joints.sort(key=lambda arrow: -round(arrow.size, 9))
     return [ball, *joints] if ball.size > 0.0 else joints
 
 
@@ -309,7 +308,7 @@ def leg_configuration(impact: Impact, time: float) -> Array:
 
 
 def ball_pose(
-    before: BallState, path: Flight | Course, time: float, arrival: Arrival | None = None
+    before: BallState, path: BallPath, time: float, arrival: Arrival | None = None
 ) -> Array:
     """Return the ball's pose at a time from the impact [s], shape `(4, 4)` [m, world frame].
 
@@ -361,10 +360,8 @@ def _animation(
     """
     animation = Animation(default_framerate=RATE)
     # All tracks end together, so that they stay together when they repeat.
-    numbers = [*range(len(moved)), pace.end]
-    for number, time, q in zip(
-        numbers, [*pace.times, pace.times[-1]], [*moved, moved[-1]], strict=True
-    ):
+    numbers, times = [*range(len(moved)), pace.end], [*pace.times, pace.times[-1]]
+    for number, time, q in zip(numbers, times, [*moved, moved[-1]], strict=True):
         with animation.at_frame(viewer, number) as frame:
             frame["ball"].set_transform(pose_at(time))
             poses = move_leg(frame, "leg", impact.posture.leg, q)

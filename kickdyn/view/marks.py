@@ -137,9 +137,7 @@ def _nearest_position(points: Array) -> Array:
         ((y - TOP * z).max(), (y + BOTTOM * z).min(), TOP, BOTTOM),
     ]
     depth = min((high - low) / (plus + minus) for low, high, plus, minus in bounds)
-    centre = [
-        ((low + plus * depth) + (high - minus * depth)) / 2 for low, high, plus, minus in bounds
-    ]
+    centre = [(low + high + (plus - minus) * depth) / 2 for low, high, plus, minus in bounds]
     return np.array([*centre, depth])
 
 

@@ -37,15 +37,13 @@ class MeasurementOptions:
     """How a track is read: its columns or its marker, and the height of the ground."""
 
     columns: str = option(
-        "--columns", default="t,x,y,z", show_default=True,
+        "--columns", default="t,x,y,z",
         help="Names of the columns with time [s] and coordinates [m].",
     )  # fmt: skip
     marker: str | None = option(
         "--marker", metavar="NAME", help="Marker of a C3D file (kickdyn[c3d])."
     )
-    ground_height: float = option(
-        "--ground-height", default=0.0, show_default=True, help="Height of the ground [m]."
-    )
+    ground_height: float = option("--ground-height", default=0.0, help="Height of the ground [m].")
 
     def load(self, file: str) -> Track:
         """Return the track of a file of values in columns, or of a C3D file."""

@@ -32,17 +32,14 @@ NUMBERS = (
 class MujocoOptions:
     """How MuJoCo simulates the kick, and how exact the tuned contact must be."""
 
-    timestep: float = option(
-        "--timestep", default=0.002, show_default=True, help="Time step of MuJoCo [s]."
-    )
+    timestep: float = option("--timestep", default=0.002, help="Time step of MuJoCo [s].")
     integrator: str = option(
-        "--integrator", default="implicitfast", show_default=True,
-        type=click.Choice([kind.value for kind in MujocoIntegrator]), help="Integrator of MuJoCo.",
+        "--integrator", default="implicitfast", help="Integrator of MuJoCo.",
+        type=click.Choice([kind.value for kind in MujocoIntegrator]),
     )  # fmt: skip
     tolerance: float = option(
-        "--tolerance", default=0.03, show_default=True,
-        help="Largest accepted relative error of the ball's speed.",
-    )  # fmt: skip
+        "--tolerance", default=0.03, help="Largest accepted relative error of the ball's speed."
+    )
     feet: tuple[str, ...] = option(
         "--foot", multiple=True, metavar="NAME",
         help="Geom of your robot that strikes the ball, for the contact pair with friction; "

@@ -175,9 +175,8 @@ def check_outputs(
     named = [file for file in (None if json_file == "-" else json_file, *files) if file is not None]
     for file in named:
         check_writable(file)
-    real, read = (
-        [Path(file).resolve() for file in some if file is not None] for some in (named, inputs)
-    )
+    groups = (named, inputs)
+    real, read = ([Path(file).resolve() for file in some if file is not None] for some in groups)
     for output in real:
         if real.count(output) > 1:
             raise InvalidInput(f"{output.name} is named for two outputs: give each its own file")

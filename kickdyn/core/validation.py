@@ -251,9 +251,8 @@ def direction(name: str, value: ArrayLike) -> Array:
 
 def length(vectors: Array) -> Array:
     """Return the length of vectors along the last axis; squares neither overflow nor vanish."""
-    components = [
-        vectors[..., k] for k in range(vectors.shape[-1])
-    ]  # numpy is slow along short axes
+    # numpy is slow along short axes
+    components = [vectors[..., k] for k in range(vectors.shape[-1])]
     largest = functools.reduce(np.maximum, (np.abs(component) for component in components))
     safe = np.where(largest > 0, largest, 1.0)
     squares = ((component / safe) ** 2 for component in components)

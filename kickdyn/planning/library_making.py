@@ -189,18 +189,19 @@ class LibraryMaking:
         while True:
             tasks = []
             for key in sorted(grid):
-                near = [
-                    other
-                    for axis in range(len(key))
-                    for step in (-self.unit, self.unit)
-                    if self.nodes.get(other := _moved(key, axis, step)) == ""
-                ]
+                near = self._motions_near(key, (self.unit,) * len(key))
                 if self.nodes.get(key) != "" and len(near) > tried.get(key, 0):
                     tried[key] = len(near)
                     tasks.append((key, near))
             if not tasks:
                 return
             self._plan(tasks, len(grid))
+
+    def _motions_near(self, key: Key, sizes: Key) -> list[Key]:
+        """Return neighbours with a motion, at distances along the axes."""
+        steps = [(axis, step) for axis, size in enumerate(sizes) for step in (-size, size)]
+        neighbours = (_moved(key, axis, step) for axis, step in steps)
+        return [other for other in neighbours if self.nodes.get(other) == ""]
 
     def _plan(self, tasks: list[tuple[Key, list[Key]]], total: int) -> None:
         jobs = [
@@ -301,13 +302,7 @@ class LibraryMaking:
             for corner in cell.corners():
                 if corner in self.nodes:
                     continue
-                near = [
-                    other
-                    for axis, size in enumerate(cell.size)
-                    for step in (-size, size)
-                    if self.nodes.get(other := _moved(corner, axis, step)) == ""
-                ]
-                tasks[corner] = near
+                tasks[corner] = self._motions_near(corner, cell.size)
         self._plan([(key, near) for key, near in tasks.items() if near], len(self.nodes))
 
     def _write(self, cells: list[Cell]) -> None:

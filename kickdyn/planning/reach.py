@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,10 @@ LARGEST_FILE = 10_000_000
 
 SURFACES = ("carpet", "turf")
 """Surfaces for which distances are given; names of `kickdyn.ground.SURFACES`."""
+
+
+Direction = tuple[float, float]
+"""Azimuth and elevation of a launch [deg]."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +191,7 @@ def reach(
     validation.number("elevations", min(heights), at_least=0, unit="deg")
     if file is not None:
         checked_ending(file, (".csv",), "a table of launches is written as")
-    options = {"contact": contact, "ball_position": ball_position, "motion": motion}
+    options: Any = {"contact": contact, "ball_position": ball_position, "motion": motion}
     settings = {
         "robot": robot.name,
         "joints": list(robot.joint_names),
@@ -197,7 +202,19 @@ def reach(
         "air": repr(air),
         "tolerance": tolerance,
     }
-    rows: dict[tuple[float, float], ReachRow] = {}
+
+    def plan(place: Direction, where: str, speed: float, near: KickPlan | None) -> KickPlan:
+        if progress is not None:
+            progress(f"{where}: {speed:.3g} m/s")
+        velocity = launch_velocity(np.array([speed, *np.radians(place[::-1])]))
+        if near is not None and near.motion is not None:
+            return replan_motion(near, velocity)
+        # the target in the vacuum to which this launch leads, however low it is
+        fall = 0.5 * GRAVITY * DESCRIBING_TIME * DESCRIBING_TIME
+        target = DESCRIBING_TIME * velocity - [0.0, 0.0, fall]
+        return plan_kick(robot, Goal(target, time=DESCRIBING_TIME), ball, None, **options)
+
+    rows: dict[Direction, ReachRow] = {}
     if file is not None:
         check_writable(file)
         rows = _read(file, settings)
@@ -206,25 +223,7 @@ def reach(
         if place in rows:
             continue
         where = f"{number} of {len(wanted)}, {place[0]:g} and {place[1]:g} deg"
-
-        def plan(
-            speed: float,
-            near: KickPlan | None,
-            place: tuple[float, float] = place,
-            where: str = where,
-        ) -> KickPlan:
-            if progress is not None:
-                progress(f"{where}: {speed:.3g} m/s")
-            velocity = launch_velocity(np.array([speed, *np.radians(place[::-1])]))
-            if near is not None and near.motion is not None:
-                return replan_motion(near, velocity)
-            # the target in the vacuum to which this launch leads, however low it is
-            fall = 0.5 * GRAVITY * DESCRIBING_TIME * DESCRIBING_TIME
-            target = DESCRIBING_TIME * velocity - [0.0, 0.0, fall]
-            goal = Goal(target, time=DESCRIBING_TIME)
-            return plan_kick(robot, goal, ball, None, **options)  # type: ignore[arg-type]
-
-        row = _largest(plan, place, GROWTHS[motion], tolerance)
+        row = _largest(partial(plan, place, where), place, GROWTHS[motion], tolerance)
         if row.speed > 0.0:
             velocity = launch_velocity(np.array([row.speed, *np.radians(place[::-1])]))
             start = BallState((0.0, 0.0, ball.radius), velocity)
@@ -246,7 +245,7 @@ def _angles(name: str, values: ArrayLike, most: float) -> list[float]:
 
 def _largest(
     plan: Callable[[float, KickPlan | None], KickPlan],
-    place: tuple[float, float],
+    place: Direction,
     growth: float,
     tolerance: float,
 ) -> ReachRow:
@@ -300,15 +299,13 @@ def _write(file: str | os.PathLike[str], settings: Any, rows: Iterable[ReachRow]
         draft.write_text(text.getvalue(), encoding="utf-8")
 
 
-def _read(
-    file: str | os.PathLike[str], settings: Mapping[str, object]
-) -> dict[tuple[float, float], ReachRow]:
+def _read(file: str | os.PathLike[str], settings: Mapping[str, Any]) -> dict[Direction, ReachRow]:
     """Return the rows of a file by azimuth and elevation; none where there is no file."""
     source = str(file)
     if not Path(file).exists():
         return {}
     header, _, table = read_text(file, source, LARGEST_FILE, FaultyFile).partition("\n")
-    rows: dict[tuple[float, float], ReachRow] = {}
+    rows: dict[Direction, ReachRow] = {}
     try:
         written = json.loads(header.removeprefix("# "))
         for entry in csv.DictReader(io.StringIO(table)):

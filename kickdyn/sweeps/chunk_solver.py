@@ -138,9 +138,8 @@ class CarryTable:
         impulse = np.column_stack([slope * normal, np.zeros(len(share)), normal])
         kick = self._model.kick
         balls = launches(self._model, impulse)
-        carry, landed = carries(
-            balls, kick.ball, kick.air, FLIGHT_TOLERANCE, machine_code=self._machine_code
-        )
+        how = {"machine_code": self._machine_code}
+        carry, landed = carries(balls, kick.ball, kick.air, FLIGHT_TOLERANCE, **how)
         return np.where(landed, carry, np.nan)
 
 

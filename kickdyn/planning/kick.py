@@ -250,9 +250,7 @@ def _path_like(plan: KickPlan, impact: Impact) -> Flight | Course:
     return path_to_target(impact, plan.aim, flight.air, surface)
 
 
-def _plan_motion(
-    problem: KickProblem, near: Motion | None = None, *, both_feet: bool = False
-) -> Chosen:
+def _plan_motion(problem: KickProblem, near: Motion | None = None, *, both_feet: bool) -> Chosen:
     """Return the state at the impact that a motion from rest to rest contains."""
     validation.check_installed("casadi", "motion", "motions")
     from kickdyn.motion.limits import SpeedLimit, TorqueLimit  # these import CasADi

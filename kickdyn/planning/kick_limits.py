@@ -326,9 +326,7 @@ class Upright(StanceTerm):
     """The trunk's tilt is at most `TILT`: the cosine of its tilt less the cosine of `TILT`."""
 
     scale = 1.0 - math.cos(TILT)
-    explanation = (
-        f"it has one if its trunk may be more than {math.degrees(TILT):.0f} deg from upright"
-    )
+    explanation = f"it has one if its trunk may lean by more than {math.degrees(TILT):.0f} deg"
 
     def __init__(self, standing: StandingRobot) -> None:
         self._joint, self._axis = standing.trunk_joint, standing.trunk_axis

@@ -378,17 +378,15 @@ def _under_ground(plan: KickPlan, q: Array, _: float) -> Mapping[str, float]:
     return find_depths(plan.leg, q, height)
 
 
-def _in_motion(
-    plan: KickPlan, find: Overlaps, where: str, remedy: str, times: Array
-) -> Sequence[str]:
+def _in_motion(plan: KickPlan, find: Overlaps, where: str, remedy: str, t: Array) -> list[str]:
     """Return a line for overlaps at times of the motion [s], without those at 0."""
     motion = plan.motion
     assert motion is not None
     at_impact, deepest = find(plan, plan.q, 0.0), dict[str, tuple[float, float]]()
-    for t in times.tolist():
-        for name, depth in find(plan, motion.q(t), t).items():
+    for time in t.tolist():
+        for name, depth in find(plan, motion.q(time), time).items():
             if name not in at_impact:
-                deepest[name] = max((depth, t), deepest.get(name, (0.0, 0.0)))
+                deepest[name] = max((depth, time), deepest.get(name, (0.0, 0.0)))
     ranked = sorted(deepest.items(), key=lambda item: -item[1][0])
-    bodies = [f"{name} by {depth:.3f} m at {t:.2f} s" for name, (depth, t) in ranked]
-    return [f"bodies are {where}: {listed(bodies, MOST_NAMED)}; {remedy}"] if bodies else ()
+    bodies = [f"{name} by {depth:.3f} m at {time:.2f} s" for name, (depth, time) in ranked]
+    return [f"bodies are {where}: {listed(bodies, MOST_NAMED)}; {remedy}"] if bodies else []

@@ -345,9 +345,7 @@ def _solve(problem: KickProblem, objective: Objective) -> tuple[KickProblem, Kic
     )
 
 
-def best_from(
-    problem: KickProblem, objective: Objective, starts: Sequence[Array]
-) -> KickPoint | None:
+def best_from(problem: KickProblem, objective: Objective, starts: list[Array]) -> KickPoint | None:
     """Return the best of the solutions from some starts; None if none meets the goal."""
     points = problem.solve(objective, starts)
     return min(points, key=lambda point: float(objective.value(point)[0])) if points else None

@@ -1,7 +1,6 @@
 """Planning a kick of a ball that moves: where it is met, and how."""
 
 import math
-from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -220,7 +219,7 @@ class Interceptor:
         self,
         wait: float,
         problem: KickProblem,
-        starts: Sequence[Array],
+        starts: list[Array],
         objective: Objective | None = None,
     ) -> None:
         """Add the kick at a time that is best by an objective, if one is near the starts."""
@@ -317,9 +316,7 @@ def _plan_of(kick: SolvedKick) -> KickPlan:
     return replace(kick.plan(), _again=partial(_replan, kick))
 
 
-def _without_collisions(
-    kicks: Mapping[float, SolvedKick],
-) -> tuple[float, KickPlan, dict[float, str]]:
+def _without_collisions(kicks: dict[float, SolvedKick]) -> tuple[float, KickPlan, dict[float, str]]:
     """Return time and plan of the first kick without collisions, and why not of those before.
 
     Where bodies collide in all, kicks are planned again with conditions against it.

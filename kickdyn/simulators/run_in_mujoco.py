@@ -343,12 +343,10 @@ def _simulate(field: MujocoField, *, feed_forward: bool) -> _Samples:
     return _Samples(rows, ground, touched, ball)
 
 
-def _result(
-    plan: KickPlan, tuning: MujocoTuning, field: MujocoField, samples: _Samples
-) -> MujocoRun:
-    """Return the run that a simulation shows."""
+def _result(plan: KickPlan, tuning: MujocoTuning, field: MujocoField, run: _Samples) -> MujocoRun:
+    """Return the result that a simulation shows."""
     motion, robot, step = field.motion, field.motion.robot, field.timestep
-    qpos, qvel, forces = (np.array(rows) for rows in zip(*samples.rows, strict=True))
+    qpos, qvel, forces = (np.array(rows) for rows in zip(*run.rows, strict=True))
     start = math.floor(motion.begin / step)
     t = np.asarray(step * (start + np.arange(len(qpos))))
     torque = np.zeros((len(t), robot.nv))
@@ -358,9 +356,9 @@ def _result(
     margins = {
         "torque": 1.0 - float((np.abs(forces) / field.limits).max()),
         "speed": 1.0 - float(speed.max()),
-        **_ground_margins(field, samples),
+        **_ground_margins(field, run),
     }
-    touched, ball = samples.touched, samples.ball
+    touched, ball = run.touched, run.ball
     return MujocoRun(
         plan=plan, tuning=tuning, t=t, q=q, torque=torque, ball_position=qpos[:, -7:-4],
         ball_after=field.impact.ball_before if ball is None else ball,

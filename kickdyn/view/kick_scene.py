@@ -307,24 +307,22 @@ def leg_configuration(impact: Impact, time: float) -> Array:
     return hold_support(impact.posture, np.where(single, within, displaced))
 
 
-def ball_pose(
-    before: BallState, path: BallPath, time: float, arrival: Arrival | None = None
-) -> Array:
+def ball_pose(before: BallState, path: BallPath, t: float, arrival: Arrival | None = None) -> Array:
     """Return the ball's pose at a time from the impact [s], shape `(4, 4)` [m, world frame].
 
     Without its path before the impact, the `arrival`, it then moves straight on.
     """
-    if time < 0:
-        straight = before.position + before.velocity * time
-        position = straight if arrival is None else arrival.sample(time).position
-        return np.asarray(pin.SE3(pin.exp3(before.spin * time), position).homogeneous)
-    time = min(time, path.duration)
+    if t < 0:
+        straight = before.position + before.velocity * t
+        position = straight if arrival is None else arrival.sample(t).position
+        return np.asarray(pin.SE3(pin.exp3(before.spin * t), position).homogeneous)
+    t = min(t, path.duration)
     if isinstance(path, Course):
-        times = np.linspace(0.0, time, 65)  # as if the ball turned about one axis
+        times = np.linspace(0.0, t, 65)  # as if the ball turned about one axis
         rotation = pin.exp3(np.trapezoid(path.sample(times).spin, times, axis=0))
     else:
-        rotation = path.orientation(time).as_matrix()
-    return np.asarray(pin.SE3(rotation, path.sample(time).position).homogeneous)
+        rotation = path.orientation(t).as_matrix()
+    return np.asarray(pin.SE3(rotation, path.sample(t).position).homogeneous)
 
 
 def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> float:

@@ -41,8 +41,11 @@ def simulate(scene_file: str, tolerance: float, exact: bool, output: JsonOptions
         answer = simulate_scene(scene, None if exact else tolerance)
         document = _simulation_document(answer)
     output.write_json(document)
+    output.print_rows(answer)
     if output.prints:
-        print_wrapped(answer.text(times=True))
+        times = (f"{1e3 * size.seconds:.2g} without {size.effect}" for size in answer.effects)
+        all_times = ", ".join([f"{1e3 * answer.seconds:.2g} ms", *times])
+        print_wrapped(f"processor times, of the path alone for effects in flight: {all_times}")
     output.name_written()
 
 
@@ -123,6 +126,7 @@ def view(
     output.write_json(_view_document(simulation))
     if output.prints:
         print_wrapped(simulation.summary)
+        warn(simulation.warnings)
     if pages:
         with busy("drawing"):
             made_page = page(simulation)

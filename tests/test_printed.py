@@ -122,9 +122,10 @@ OF_JOINTS = {
 
 TEXTS = {
     "method", "another", "wall and goal", "residuals", "digits at least", "incomplete frames",
-    "gaps of b", "ball", "contact", "air", "ground", "nearest", "solref", "solimp", "solreffriction", "goal, speed",
-    "goal, direction", "goal, speed x 0.5 to 1.5", "error, speed x 0.5", "0, 35 deg",
-    "hit the ball", "elevation error", "miss, 50% of the runs", "warning", "broken",
+    "gaps of b", "ball", "contact", "air", "ground", "nearest", "solref", "solimp",
+    "solreffriction", "goal, speed", "goal, direction", "goal, speed x 0.5 to 1.5",
+    "error, speed x 0.5", "0, 35 deg", "hit the ball", "elevation error", "miss, 50% of the runs",
+    "warning", "broken",
 }  # fmt: skip
 """Rows with numbers in a text of several words, or whose like is compared."""
 

@@ -16,7 +16,7 @@ from kickdyn.core.plot_style import styled
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
 from kickdyn.scene.effects import EffectSize
-from kickdyn.scene.simulate import Simulation, measure_effects, simulate_as_instant
+from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.scene.simulate import simulate as simulate_scene
 from kickdyn.scene.toml_reader import load_scene
 
@@ -216,10 +216,11 @@ def _compare_functions(output: PlotOptions) -> None:
 def _measure_scene(scene: str, output: PlotOptions) -> None:
     """Measure the effects of a scene; write and print the results."""
     loaded = load_scene(scene)
-    with busy("measuring") as show:
+    with busy("measuring"):
         exact = simulate_scene(loaded, None)
-        sizes = measure_effects(exact, show)
-    sizes.sort(key=lambda size: math.inf if math.isnan(size.end) else -size.end)
+        sizes = sorted(
+            exact.effects, key=lambda size: math.inf if math.isnan(size.end) else -size.end
+        )
     output.save_plot(partial(effect_figure, loaded.name, sizes))
     output.write_json({
         "scene": loaded.name, "status": exact.status,
@@ -227,18 +228,7 @@ def _measure_scene(scene: str, output: PlotOptions) -> None:
         "units": {"end": "m", "impulse": "N s"},
         "effects": plain(sizes),
     })  # fmt: skip
-    if output.prints:
-        impulse = float(np.linalg.norm(exact.impact.impulse))
-        lines = [
-            f"{loaded.name}: impulse {impulse:.4g} N s, {exact.end_text}. If one effect is "
-            "neglected:",
-            f"\n{'effect':14}{'end moves by [m]':>18}{'impulse changes by [N s]':>26}",
-        ]
-        for size in sizes:
-            sizes_of = size.end, size.impulse
-            end, impulse_change = ("" if math.isnan(x) else f"{x:.3g}" for x in sizes_of)
-            lines.append(f"{size.effect:14}{end:>18}{impulse_change:>26}  {size.why_not}".rstrip())
-        print_wrapped("\n".join([*lines, "", *(f"warning: {line}" for line in exact.warnings)]))
+    output.print_rows(exact)
 
 
 @styled()

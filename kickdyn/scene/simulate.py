@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -136,11 +136,20 @@ class Simulation(ReprMixin):
 
     @cached_property
     def effects(self) -> tuple[EffectSize, ...]:
-        """What neglecting each effect changes, by the method of this answer, see `measure_effects`.
+        """What neglecting each effect changes, in the order of `EFFECTS`.
 
-        It is computed when it is first read: flights and, for the effects on the launch, impacts.
+        It is computed when it is first read: flights and, for the effects on the launch, impacts,
+        as in this answer, with its tolerances. A contact time that is neglected has the size of the
+        `model_error`.
         """
-        return tuple(measure_effects(self))
+        sizes = list[EffectSize]()
+        for effect in effects_of(self.scene):
+            if effect.name in self.neglected:
+                sizes.append(EffectSize(effect.name, self.model_error, math.nan, "", self.seconds))
+                continue
+            began = time.process_time()
+            sizes.append(replace(_measure(effect, self), seconds=time.process_time() - began))
+        return tuple(sizes)
 
     @property
     def effect_sizes(self) -> Mapping[str, float]:
@@ -263,8 +272,10 @@ class Simulation(ReprMixin):
         if scene.ground is not None:
             yield "height of the ground", scene.ground.height, "m"
         for size in self.effects:
-            verdict = verdicts.get(size.effect, "")
-            yield f"the end without {size.effect}", size.end, f"m away{verdict}"
+            text = f"m away{verdicts.get(size.effect, '')}"
+            text += f", impulse {size.impulse:.3g} N s off" if size.impulse > 0.0 else ""
+            text += f", {size.why_not}" if size.why_not else ""
+            yield f"the end without {size.effect}", size.end, text
         yield from warned(self.warnings)
 
 
@@ -358,25 +369,6 @@ def simulate_as_instant(scene: Scene) -> Simulation:
     except KickdynError as error:
         note = f"which cannot be computed: {error}"
     return replace(answer, scene=scene, model_error=size, note=note)
-
-
-def measure_effects(
-    full: Simulation, report: Callable[[str], None] = lambda _: None
-) -> list[EffectSize]:
-    """Measure every effect of a scene, in the order of `EFFECTS`, with it and without.
-
-    Impact and path are computed as in the simulation, with its tolerances. A contact time that it
-    neglects has the size of its `model_error`. `report` is called with each effect's name.
-    """
-    scene, sizes = full.scene, []
-    for effect in effects_of(scene):
-        report(effect.name)
-        if effect.name in full.neglected:
-            sizes.append(EffectSize(effect.name, full.model_error, math.nan, "", full.seconds))
-            continue
-        began = time.process_time()
-        sizes.append(replace(_measure(effect, full), seconds=time.process_time() - began))
-    return sizes
 
 
 def _measure(effect: Effect, full: Simulation) -> EffectSize:

@@ -6,7 +6,6 @@ import shlex
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from numpy.polynomial import Polynomial
 
 from kickdyn.ball import Ball
 from kickdyn.core import validation
-from kickdyn.core.files import attributes, check_file, plain, read_text, read_toml
+from kickdyn.core.files import FileName, attributes, check_file, plain, read_text, read_toml
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput, printable
@@ -129,7 +128,7 @@ class _Found:
 
 
 @validation.check_arguments
-def check(path: str | PathLike[str], package_dirs: Iterable[str | PathLike[str]] = ()) -> FileCheck:
+def check(path: FileName, package_dirs: Iterable[FileName] = ()) -> FileCheck:
     """Return what kickdyn sees in a file: a robot, markers, joint angles, a ball track or a scene.
 
     Args:

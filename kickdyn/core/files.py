@@ -19,6 +19,9 @@ import numpy as np
 from kickdyn.core.validation import brief
 from kickdyn.errors import FaultyFile, InvalidInput, shortened
 
+FileName = str | os.PathLike[str]
+"""The name of a file."""
+
 MAX_TOML_BYTES = 100_000
 """Size of the largest file that `read_toml` reads [bytes]."""
 
@@ -36,9 +39,7 @@ def shipped(folder: str) -> Path:
     return packaged if packaged.exists() else package.parent / folder
 
 
-def check_file(
-    path: str | os.PathLike[str], source: str, most: int, error: type[FaultyFile]
-) -> None:
+def check_file(path: FileName, source: str, most: int, error: type[FaultyFile]) -> None:
     """Raise `error`, which calls the file `source`, unless it is regular and of `most` bytes."""
     try:
         status = os.stat(path)  # noqa: PTH116 a path of any kind
@@ -56,7 +57,7 @@ def check_file(
         raise error(source, [f"has {status.st_size} bytes: at most {most} are read"])
 
 
-def read_text(path: str | os.PathLike[str], source: str, most: int, error: type[FaultyFile]) -> str:
+def read_text(path: FileName, source: str, most: int, error: type[FaultyFile]) -> str:
     """Return the text of a regular UTF-8 file of at most `most` bytes, or raise `error`.
 
     The error calls the file `source`.
@@ -71,7 +72,7 @@ def read_text(path: str | os.PathLike[str], source: str, most: int, error: type[
 
 
 def read_toml(
-    path: str | os.PathLike[str], source: str = "", error: type[FaultyFile] = FaultyFile
+    path: FileName, source: str = "", error: type[FaultyFile] = FaultyFile
 ) -> dict[str, Any]:
     """Return the tables of a TOML file of at most `MAX_TOML_BYTES`, or raise `error`.
 
@@ -98,7 +99,7 @@ def _line_of(text: str, fault: Exception) -> str:
     )
 
 
-def check_writable(path: str | os.PathLike[str]) -> None:
+def check_writable(path: FileName) -> None:
     """Raise `InvalidInput` unless a file can be written at `path`; call it before long work.
 
     A symbolic link is refused: where others may write to the folder, it could lead anywhere.
@@ -122,7 +123,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         raise _refused(path, error) from None
 
 
-def checked_ending(path: str | os.PathLike[str], endings: Iterable[str], use: str) -> str:
+def checked_ending(path: FileName, endings: Iterable[str], use: str) -> str:
     """Return the ending of a file's name in lower case; refuse one for which there is no `use`."""
     ending = Path(path).suffix.lower()
     if ending not in endings:
@@ -131,7 +132,7 @@ def checked_ending(path: str | os.PathLike[str], endings: Iterable[str], use: st
     return ending
 
 
-def _mode(path: str | os.PathLike[str]) -> int:
+def _mode(path: FileName) -> int:
     try:
         status = os.lstat(path)
     except FileNotFoundError:
@@ -142,7 +143,7 @@ def _mode(path: str | os.PathLike[str]) -> int:
 
 
 @contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+def replacing(path: FileName) -> Iterator[Path]:
     """Yield a temporary file to write, which replaces `path` at the end; after an error, delete it.
 
     The temporary name keeps the suffix, by which many writers choose the format. A file of the user
@@ -163,9 +164,9 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def check_outputs(
-    *files: str | os.PathLike[str] | None,
+    *files: FileName | None,
     json_file: str | None = None,
-    inputs: Iterable[str | os.PathLike[str] | None] = (),
+    inputs: Iterable[FileName | None] = (),
 ) -> list[str]:
     """Return which of the files exist; raise `InvalidInput` unless all can be written.
 
@@ -185,7 +186,7 @@ def check_outputs(
     return [str(file) for file, path in zip(named, real, strict=True) if path.exists()]
 
 
-def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:
+def _refused(path: FileName, error: Exception) -> InvalidInput:
     return InvalidInput(f"{shortened(str(path))} cannot be written ({_reason(error)})")
 
 

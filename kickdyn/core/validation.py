@@ -226,9 +226,8 @@ def times(t: ArrayLike, duration: float, what: str) -> Array:
         raise InvalidInput(f"t has shape {moments.shape}: it must be a number or (n,)")
     outside = moments[(moments < 0) | (moments > duration)]
     if outside.size:
-        raise InvalidInput(
-            f"t is {float(outside.flat[0]):g} s: {what} lasts from 0 to {duration:g} s"
-        )
+        time = float(outside.flat[0])
+        raise InvalidInput(f"t is {time:g} s: {what} lasts from 0 to {duration:g} s")
     return moments
 
 

@@ -5,12 +5,11 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from os import PathLike
 
 import numpy as np
 
 from kickdyn.core import validation
-from kickdyn.core.files import read_text
+from kickdyn.core.files import FileName, read_text
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import FaultyFile, InvalidInput
@@ -163,7 +162,7 @@ class BodyTrack(ReprMixin):
 
     @classmethod
     @validation.check_arguments
-    def from_c3d(cls, file: str | PathLike[str], *, up: str = "z") -> "BodyTrack":
+    def from_c3d(cls, file: FileName, *, up: str = "z") -> "BodyTrack":
         """Read all markers of a C3D file, as `Track.from_c3d` reads one.
 
         Args:
@@ -181,7 +180,7 @@ class BodyTrack(ReprMixin):
 
     @classmethod
     @validation.check_arguments
-    def from_trc(cls, file: str | PathLike[str], *, up: str = "y") -> "BodyTrack":
+    def from_trc(cls, file: FileName, *, up: str = "y") -> "BodyTrack":
         """Read all markers of a TRC file, as OpenSim, Pose2Sim and OpenCap write it, in metres.
 
         Empty cells and nan are gaps. Markers without a name are left out, with a warning; so is
@@ -228,7 +227,7 @@ class BodyTrack(ReprMixin):
 
     @classmethod
     @validation.check_arguments
-    def from_mot(cls, file: str | PathLike[str]) -> "BodyTrack":
+    def from_mot(cls, file: FileName) -> "BodyTrack":
         """Read joint angles of a MOT file of OpenSim; angles in degrees become radians.
 
         A file with `inDegrees=yes`, a SIMM header or a note about degrees has degrees in all

@@ -11,7 +11,6 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar
 from zipfile import BadZipFile
@@ -20,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kickdyn.core import validation
-from kickdyn.core.files import check_file, read_text
+from kickdyn.core.files import FileName, check_file, read_text
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality, warned
 from kickdyn.core.validation import Array, ArrayLike
@@ -173,9 +172,7 @@ class Track(ValueEquality, ReprMixin):
     @classmethod
     @validation.check_arguments
     @_long_fields()
-    def from_csv(
-        cls, file: str | PathLike[str], columns: Sequence[str] = ("t", "x", "y", "z")
-    ) -> "Track":
+    def from_csv(cls, file: FileName, columns: Sequence[str] = ("t", "x", "y", "z")) -> "Track":
         """Read a track from a file of values in columns, below a row that names the columns.
 
         Commas, semicolons, tabs or blanks stand between the values. Decimals may have a comma where
@@ -214,7 +211,7 @@ class Track(ValueEquality, ReprMixin):
 
     @classmethod
     @validation.check_arguments
-    def from_c3d(cls, file: str | PathLike[str], marker: str | None = None) -> "Track":
+    def from_c3d(cls, file: FileName, marker: str | None = None) -> "Track":
         """Read a track from a C3D file of a motion capture system, in metres by its unit.
 
         Needs ezc3d, `pip install "kickdyn[c3d]"`. Frames without the marker are left out.
@@ -422,7 +419,7 @@ def _within_reach(times: Array, positions: Array, missing: NDArray[np.bool_]) ->
     return within
 
 
-def c3d_content(file: str | PathLike[str]) -> tuple[list[str], float, float, int, Array]:
+def c3d_content(file: FileName) -> tuple[list[str], float, float, int, Array]:
     """Return labels, unit [m], rate [Hz], first frame and positions `(markers, n, 3)` of a C3D.
 
     Gaps are NaN. A child process reads the file, because on damaged ones ezc3d may crash, take all

@@ -6,7 +6,6 @@ ROS 2 in YAML, and keyframes of MuJoCo.
 
 import json
 import math
-import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +14,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.core.files import checked_ending, replacing
+from kickdyn.core.files import FileName, checked_ending, replacing
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
@@ -121,14 +120,14 @@ def ranges_of(leg: Leg, names: Iterable[str]) -> Array:
     return np.array([endless if name in turning else leg.joint_range(name) for name in names])
 
 
-def write_motion(samples: MotionSamples, file: str | os.PathLike[str]) -> None:
+def write_motion(samples: MotionSamples, file: FileName) -> None:
     """Write a motion in the format of the file's ending, one of `WRITERS`."""
     writer = check_motion_name(file)
     with replacing(file) as draft:
         writer(samples, draft)
 
 
-def check_motion_name(file: str | os.PathLike[str]) -> Callable[[MotionSamples, Path], None]:
+def check_motion_name(file: FileName) -> Callable[[MotionSamples, Path], None]:
     """Return the writer for the ending of a file; raise `InvalidInput` if there is none."""
     return WRITERS[checked_ending(file, WRITERS, "a motion is written as")]
 

@@ -13,7 +13,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from kickdyn.core import validation
-from kickdyn.core.files import check_file, checked_ending, read_text
+from kickdyn.core.files import FileName, check_file, checked_ending, read_text
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput
 from kickdyn.motion.motion_file import configurations, file_joints, ranges_of
@@ -47,7 +47,7 @@ class MotionTable(NamedTuple):
         return FaultyFile(self.source, [text])
 
 
-def _read_csv(file: str | os.PathLike[str], source: str) -> MotionTable:
+def _read_csv(file: FileName, source: str) -> MotionTable:
     text = read_text(file, source, LARGEST, FaultyFile)
     if not text.strip():
         raise FaultyFile(source, ["is empty"])
@@ -69,7 +69,7 @@ def _read_csv(file: str | os.PathLike[str], source: str) -> MotionTable:
     return MotionTable(source, _finite(table, source, ""), names=names if has_header else ())
 
 
-def _read_npz(file: str | os.PathLike[str], source: str) -> MotionTable:
+def _read_npz(file: FileName, source: str) -> MotionTable:
     check_file(file, source, LARGEST, FaultyFile)
     try:
         # NumPy leaves a damaged file open that it has opened itself
@@ -120,7 +120,7 @@ def _finite(table: Array, source: str, name: str) -> Array:
     return table
 
 
-READERS: dict[str, Callable[[str | os.PathLike[str], str], MotionTable]] = {
+READERS: dict[str, Callable[[FileName, str], MotionTable]] = {
     ".csv": _read_csv,
     ".npz": _read_npz,
 }
@@ -151,7 +151,7 @@ ROUNDED = 1e-6
 
 @validation.check_arguments
 def read_motion(
-    file: str | os.PathLike[str],
+    file: FileName,
     robot: Leg,
     *,
     rate: float | None = None,

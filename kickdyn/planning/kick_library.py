@@ -7,7 +7,6 @@ cell is halved, and at last not covered. `KickReader` has the interpolation and 
 """
 
 import math
-import os
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -24,7 +23,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.files import attributes, checked_ending
+from kickdyn.core.files import FileName, attributes, checked_ending
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
@@ -67,7 +66,7 @@ Progress = Callable[[str, int, int], None]
 @validation.check_arguments
 def kick_library(
     robot: Leg,
-    file: str | os.PathLike[str],
+    file: FileName,
     ball: Ball | None = None,
     *,
     speed: Range | None = None,
@@ -164,7 +163,7 @@ class KickLibrary(ReprMixin):
         reader: of the file, on NumPy alone.
     """
 
-    def __init__(self, file: str | os.PathLike[str], robot: Leg) -> None:
+    def __init__(self, file: FileName, robot: Leg) -> None:
         try:
             self.reader = read_kicks(file)
         except FileNotFoundError:

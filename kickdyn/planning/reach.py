@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -16,7 +15,14 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.files import attributes, check_writable, checked_ending, read_text, replacing
+from kickdyn.core.files import (
+    FileName,
+    attributes,
+    check_writable,
+    checked_ending,
+    read_text,
+    replacing,
+)
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, warned
@@ -146,7 +152,7 @@ def reach(
     ball_position: ArrayLike | None = None,
     motion: bool = False,
     tolerance: float = 0.05,
-    file: str | os.PathLike[str] | None = None,
+    file: FileName | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> ReachTable:
     """Find the largest launch of a robot in each direction, by plans that are `met`.
@@ -289,7 +295,7 @@ def _largest(
     return ReachRow(*place, met, beyond, reason, 0.0, 0.0)
 
 
-def _write(file: str | os.PathLike[str], settings: Any, rows: Iterable[ReachRow]) -> None:
+def _write(file: FileName, settings: Any, rows: Iterable[ReachRow]) -> None:
     text = io.StringIO()
     text.write(f"# {json.dumps(settings)}\n")
     writer = csv.DictWriter(text, list(ReachRow.__dataclass_fields__), lineterminator="\n")
@@ -299,7 +305,7 @@ def _write(file: str | os.PathLike[str], settings: Any, rows: Iterable[ReachRow]
         draft.write_text(text.getvalue(), encoding="utf-8")
 
 
-def _read(file: str | os.PathLike[str], settings: Mapping[str, Any]) -> dict[Direction, ReachRow]:
+def _read(file: FileName, settings: Mapping[str, Any]) -> dict[Direction, ReachRow]:
     """Return the rows of a file by azimuth and elevation; none where there is no file."""
     source = str(file)
     if not Path(file).exists():

@@ -12,7 +12,7 @@ from meshcat.animation import Animation
 
 from kickdyn.air import Air
 from kickdyn.core import validation
-from kickdyn.core.files import checked_ending, replacing
+from kickdyn.core.files import FileName, checked_ending, replacing
 from kickdyn.core.representation import distance_in_words
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -78,7 +78,7 @@ class Page:
             for page in self.pages.values() or [self]
         ]
 
-    def save(self, file: str | PathLike[str], at: float = 0.0) -> None:
+    def save(self, file: FileName, at: float = 0.0) -> None:
         """Write the page, a picture of it (`.png`), or its scene as binary glTF (`.glb`).
 
         A glTF file is for slides, Blender and viewers of 3-D models. It has the meshes of the first

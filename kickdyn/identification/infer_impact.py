@@ -364,8 +364,7 @@ def _with_deviations(
     if inferred.approach_speed <= 0.0:
         raise NoImpact(
             f"foot and ball separate at {-inferred.approach_speed:.3g} m/s along the normal "
-            f"{inferred.normal.round(4).tolist()} of this impulse: before an impact they must "
-            "approach each other"
+            f"{inferred.normal.round(4).tolist()} of this impulse: they must approach each other"
         )
     if not len(steps):
         return inferred

@@ -158,9 +158,8 @@ def _from_track(track: Track) -> Moment:
 def _check_change(size: float, track: Track) -> None:
     if size < LEAST_CHANGE:
         raise InvalidInput(
-            f"the velocity of the ball changes by {size:.2g} m/s at most in its track, from "
-            f"{track.times[0]:.4g} to {track.times[-1]:.4g} s: a kick changes it by "
-            f"{LEAST_CHANGE:g} m/s or more"
+            f"the velocity of the ball changes by {size:.2g} m/s at most from {track.times[0]:.4g} "
+            f"to {track.times[-1]:.4g} s: a kick changes it by {LEAST_CHANGE:g} m/s or more"
         )
 
 

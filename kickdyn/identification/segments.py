@@ -132,8 +132,7 @@ def segments(
         lowest = int(np.argmin(heights))
         raise InvalidInput(
             f"the ball is at {heights[lowest]:.4g} m at {track.times[lowest]:.10g} s, under the "
-            f"ground at {level:g} m: z must point up; if the ground is lower, give its height "
-            "(--ground-height)"
+            f"ground at {level:g} m: z must point up, or the ground is lower (--ground-height)"
         )
     noise = max(_noise(track), LEAST_NOISE)
     indices = _without_spikes(track, noise)

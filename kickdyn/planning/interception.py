@@ -121,9 +121,8 @@ class IncomingBall(ReprMixin):
         if lowest < ground.height - IN_GROUND:
             raise InvalidInput(
                 f"the incoming ball is {ground.height - lowest:.3g} m in the ground: its centre is "
-                f"at z = {self.state.position[2]:.4g} m and must be at least at "
-                f"{ground.height + ball.radius:.4g} m, its radius above the ground at "
-                f"{ground.height:.4g} m"
+                f"at z = {self.state.position[2]:.4g} m, and on the ground it is at "
+                f"{ground.height + ball.radius:.4g} m"
             )
         return IncomingBall(self.state, ground, self.meet_at)
 

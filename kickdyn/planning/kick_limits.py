@@ -143,8 +143,7 @@ def check_limits(variables: KickVariables) -> None:
             name = variables.names[int(np.argmin(limit > 0.0))]
             raise InvalidInput(
                 f"{what} limit of {name} is {limit.min():g}: it must be above 0 (Leg.with_drives, "
-                "--drives FILE), or, without a motion, all limits lifted (limits=False, "
-                "--no-limits)"
+                "--drives FILE), or, without a motion, lifted (limits=False, --no-limits)"
             )
 
 

@@ -211,13 +211,6 @@ def range_warnings(restitution: Restitution, speed: float) -> tuple[str, ...]:
     )
 
 
-def describe_restitution(restitution: Restitution, e: float, speed: float) -> str:
-    """Return e and what it is from, at a speed of approach [m/s]; of a number nothing."""
-    if isinstance(restitution, float):
-        return ""
-    return f"restitution {e:.4g}, from {format_restitution(restitution)} at {speed:.4g} m/s"
-
-
 def format_restitution(restitution: Restitution) -> str:
     """Return a restitution as short text."""
     if isinstance(restitution, float):

@@ -163,6 +163,7 @@ MADE = {
     "motion check": lambda: kd.check_motion(one("recorded motion"), LEG, BALL, CONTACT),
     "scene": scene,
     "slow scene": lambda: scene(law=kd.Compliance(contact_time=0.008)),
+    "simulation": lambda: kd.simulate(scene(), 0.1),
     "track": track,
     "identification": lambda: kd.identify(track(), BALL, kd.Air(drag=0.2), free=["spin", "drag"]),
     "inferred": inferred,

@@ -30,14 +30,16 @@ PATHS = {
     "work of the motors": "motor_work", "condition": "condition|posture.condition",
     "launch": "launch.velocity|velocity|impact.ball_after.velocity|ball_after.velocity",
     "spin": "launch.spin|spin|state.spin", "height": "height", "landing": "landing.position",
-    "landing speed": "landing.speed", "end": "end|rest.position", "posture": "q",
+    "landing speed": "landing.speed", "end": "rest.position|end.position|end", "posture": "q",
     "joint velocity": "v", "share of the speed limit": "speed_use",
     "share of the torque limit": "torque_use", "share of the change of velocity": "share",
-    "place": "ball.position", "time": "time|ball.time", "rms distance": "rms",
+    "place": "ball.position", "time": "time|end.time|ball.time", "rms distance": "rms",
     "position": "state.position", "velocity": "state.velocity", "time step": "timestep",
     "rolling deceleration": "surface.rolling_deceleration", "friction": "friction|surface.friction",
-    "restitution": "restitution|surface.restitution", "direction error": "direction_error",
-    "miss of the target": "miss", "delay of the contact": "delay",
+    "restitution": "restitution|impact.restitution|surface.restitution",
+    "direction error": "direction_error", "miss of the target": "miss",
+    "standard deviation of the end": "end_deviation", "delay of the contact": "delay",
+    "height of the ground": "scene.ground.height",
     "next launch": "command.velocity",
     "foot speed": "foot_speed", "scatter of a kick": "scatter",
     "contact time": "contact_time|law.contact_time", "ball's velocity": "incoming.velocity",
@@ -59,6 +61,8 @@ FORMULAS = {
     ("pass", "time"): lambda launch: launch.course.rest.time,
     ("plan", "objective joint-speed"):
         lambda plan: np.mean((plan.v / plan.leg.velocity_limit) ** 2),
+    ("plan", "contact above the ball's centre"): lambda plan: contact_point(plan.impact)[0],
+    ("plan", "contact to the left of it"): lambda plan: round(contact_point(plan.impact)[1], 12),
     ("reach", "-10, 20 deg"): lambda reach: (21.43, 31.3, 44.3),
     **{("library", axis): lambda library, k=k: IN_TABLES[k] * library.reader.lower[k]
        for k, axis in enumerate(AXES)},
@@ -117,12 +121,19 @@ OF_JOINTS = {
 
 
 TEXTS = {
-    "method", "another", "residuals", "digits at least", "incomplete frames", "gaps of b", "ball",
-    "contact", "air", "ground", "nearest", "solref", "solimp", "solreffriction", "goal, speed",
-    "goal, direction", "goal, speed x 0.5 to 1.5", "error, speed x 0.5", "0, 35 deg",
-    "hit the ball", "elevation error", "miss, 50% of the runs", "warning", "broken",
+    "method", "another", "wall and goal", "residuals", "digits at least", "incomplete frames",
+    "gaps of b", "ball", "contact", "air", "ground", "nearest", "solref", "solimp",
+    "solreffriction", "goal, speed", "goal, direction", "goal, speed x 0.5 to 1.5",
+    "error, speed x 0.5", "0, 35 deg", "hit the ball", "elevation error", "miss, 50% of the runs",
+    "warning", "broken",
 }  # fmt: skip
 """Rows with numbers in a text of several words, or whose like is compared."""
+
+
+def contact_point(impact):
+    """Return the contact point above the ball's centre, and to the left as the ball flies [m]."""
+    arm, velocity = -impact.ball.radius * impact.contact.normal, impact.ball_after.velocity
+    return arm[2], (velocity[0] * arm[1] - velocity[1] * arm[0]) / np.hypot(*velocity[:2])
 
 
 def speeds(run):
@@ -165,6 +176,8 @@ def right_value(name, shown, row):
         slopes = getattr(shown, kind.replace(" ", "_") + "s" * (kind != "impulse"))[source]
         slopes = [joint[:3] for joint in slopes] if kind != "impulse" else [slopes]
         return max(np.linalg.svd(rows, compute_uv=False)[0] for rows in slopes)
+    if row.startswith("the end without "):
+        return shown.effect_sizes[row[16:]]
     if row.startswith("limit "):
         return shown.posture.effective_mass_limits(shown.contact.normal)[row[6:]]
     if row.startswith("best frame, ") and " in " not in row:

@@ -55,32 +55,29 @@ class RecordingOptions:
         "--base", type=click.Choice(["floating", "fixed"]),
         help="Base of the robot.  [default: floating; fixed for human and testbed]",
     )  # fmt: skip
-    rate: float | None = option(
-        "--rate", type=float, help="Rate of the frames [Hz]; an .npz file has it."
-    )
+    rate: float | None = option("--rate", help="Rate of the frames [Hz]; an .npz file has it.")
     joints: str | None = option(
-        "--joints", metavar=f"NAME,NAME,...|{BREADTH_FIRST}|{OF_MODEL}",
-        help="Order of the joints in the file.  [default: the names in the file, or the order of "
-        "the model]",
+        "--joints", metavar=f"NAME,NAME,...|{BREADTH_FIRST}|{OF_MODEL}", help="Order of the joints "
+        "in the file.  [default: the names in the file, or the order of the model]",
     )  # fmt: skip
     quaternion: str = option(
-        "--quaternion", default="xyzw", show_default=True, type=click.Choice(["xyzw", "wxyz"]),
+        "--quaternion", default="xyzw", type=click.Choice(["xyzw", "wxyz"]),
         help="Order of the base's quaternions in a .csv file.",
     )  # fmt: skip
     impact_at: float | None = option(
-        "--impact-at", type=float, metavar="T",
+        "--impact-at", metavar="T",
         help="Time of an impact in the motion [s], across which nothing is smoothed.",
     )  # fmt: skip
     window: int = option(
-        "--window", type=int, default=WINDOW, show_default=True,
+        "--window", type=int, default=WINDOW,
         help="Frames through which polynomials are fitted, for velocities; 5 do not smooth.",
     )  # fmt: skip
     ground: float | None = option(
-        "--ground", type=float,
+        "--ground",
         help="Height of the ground [m].  [default: 0; on a fixed base, as low as the foot]",
     )  # fmt: skip
     ground_friction: float | None = option(
-        "--ground-friction", type=float,
+        "--ground-friction",
         help="Coefficient of friction of ground and soles.  [default: that of --support, or 0.7]",
     )  # fmt: skip
 

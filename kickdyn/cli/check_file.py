@@ -6,7 +6,6 @@ import shlex
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +15,8 @@ from numpy.polynomial import Polynomial
 
 from kickdyn.ball import Ball
 from kickdyn.core import validation
-from kickdyn.core.files import check_file, finite, read_text, read_toml
-from kickdyn.core.representation import ReprMixin, Row, format_value
+from kickdyn.core.files import FileName, attributes, check_file, plain, read_text, read_toml
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput, printable
 from kickdyn.identification.body_track import TRANSLATION, BodyTrack
@@ -103,18 +102,8 @@ class FileCheck(ReprMixin):
 
     def to_json(self) -> dict[str, Any]:
         """Return the lines with their numbers, in the units that they name."""
-
-        def plain(value: object) -> Any:
-            if isinstance(value, float):
-                return finite(float(value))
-            numbers = isinstance(value, int | np.generic | np.ndarray)
-            return np.asarray(value).tolist() if numbers else format_value(value)
-
-        rows = [
-            {"name": name, "value": plain(value), "unit": unit} for name, value, unit in self.rows
-        ]
-        return {"kind": self.kind, "rows": rows, "problems": [*self.problems],
-                "commands": [*self.commands]}  # fmt: skip
+        rows = [{"name": name, "value": plain(x), "unit": unit} for name, x, unit in self.rows]
+        return attributes(self, "kind problems commands") | {"rows": rows}
 
 
 class _Found:
@@ -139,7 +128,7 @@ class _Found:
 
 
 @validation.check_arguments
-def check(path: str | PathLike[str], package_dirs: Iterable[str | PathLike[str]] = ()) -> FileCheck:
+def check(path: FileName, package_dirs: Iterable[FileName] = ()) -> FileCheck:
     """Return what kickdyn sees in a file: a robot, markers, joint angles, a ball track or a scene.
 
     Args:

@@ -9,7 +9,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
-from pathlib import Path
 from typing import Any, NoReturn
 
 import click
@@ -49,15 +48,12 @@ class Command(click.Command):
 
 def check_page_name(page: str) -> None:
     """Raise `InvalidInput` unless a page, or a picture of one, can be written under a name."""
-    ending = Path(page).suffix.lower()
-    if ending == ".png":
+    from kickdyn.core.files import checked_ending  # imports NumPy
+
+    if checked_ending(page, (".html", ".htm", ".png"), "a page is written as") == ".png":
         from kickdyn.view.document import find_browser
 
         find_browser()
-    elif ending not in (".html", ".htm"):
-        raise InvalidInput(
-            f"{page} has no known extension: a page is written as .html, a picture of it as .png"
-        )
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from kickdyn.aerodynamics.drag import MODELS
 from kickdyn.air import Air
 from kickdyn.cli.commands import busy
 from kickdyn.cli.option_groups import BallOptions, OutputOptions, command, option, read_drag
+from kickdyn.core.files import attributes, plain
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.ground import Ground
 from kickdyn.identification.identification_result import (
@@ -36,15 +37,13 @@ class MeasurementOptions:
     """How a track is read: its columns or its marker, and the height of the ground."""
 
     columns: str = option(
-        "--columns", default="t,x,y,z", show_default=True,
+        "--columns", default="t,x,y,z",
         help="Names of the columns with time [s] and coordinates [m].",
     )  # fmt: skip
     marker: str | None = option(
-        "--marker", metavar="NAME", help="Marker of a C3D file; needs kickdyn[c3d]."
+        "--marker", metavar="NAME", help="Marker of a C3D file (kickdyn[c3d])."
     )
-    ground_height: float = option(
-        "--ground-height", default=0.0, show_default=True, help="Height of the ground [m]."
-    )
+    ground_height: float = option("--ground-height", default=0.0, help="Height of the ground [m].")
 
     def load(self, file: str) -> Track:
         """Return the track of a file of values in columns, or of a C3D file."""
@@ -118,9 +117,8 @@ def identify(
         for number, (first, last) in enumerate(ranges, start=1):
             show(f"fitting flight {number} of {len(ranges)}")
             try:
-                result = identify_flight(
-                    track[first:last], struck_ball, air, free=["spin", *fitted]
-                )
+                part = track[first:last]
+                result = identify_flight(part, struck_ball, air, free=["spin", *fitted])
                 fits.append(Fit(first, last, result))
             except KickdynError as error:
                 if split is None:
@@ -208,23 +206,16 @@ def _document(split: Segments | None, fits: list[Fit], failures: list[str]) -> d
     """Return all numbers; those that the measurement does not determine are null."""
     flights = [
         {
-            **{"first": first, "last": last, "rms": result.rms, "outliers": result.outliers},
+            **{"first": first, "last": last},
+            **attributes(result, "rms outliers warnings"),
             "values": {name: result.values.get(name) for name in result.names},
             "deviations": {name: result.deviations.get(name) for name in result.names},
-            "warnings": [*result.warnings],
         }
         for first, last, result in fits
     ]
     document: dict[str, Any] = {"flights": flights, "not_fitted": failures}
     if split is not None:
-        document |= {name: mean and mean._asdict() for name, mean in _means(fits).items()}
+        document |= plain(_means(fits)) | attributes(split, " ".join(["warnings", *COEFFICIENTS]))
         document["too_short"], document["samples_at_ends"] = _unused(split)
-        document["warnings"] = [*split.warnings]
-        document["segments"] = [
-            {name: getattr(segment, name) for name in ("kind", "first", "last", "begins")}
-            for segment in split.parts
-        ]
-        for name in COEFFICIENTS:
-            value = getattr(split, name)
-            document[name] = value and value._asdict()
+        document["segments"] = [attributes(x, "kind first last begins") for x in split.parts]
     return document

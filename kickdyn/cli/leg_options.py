@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 from kickdyn.cli.commands import warn
-from kickdyn.cli.option_groups import Numbers, option
+from kickdyn.cli.option_groups import Vector, option
 from kickdyn.core import validation
 from kickdyn.core.files import read_toml
 from kickdyn.errors import InvalidInput
@@ -62,9 +62,8 @@ def load_leg(
         return read_leg(shipped_urdf(SHIPPED[name]), frame, base, (), locked, drives)
     degrees = InDegrees(locked or {})
     if name in ROBOTS:
-        robot = Leg.from_robot(
-            name, frame, base=base, legs_only=legs_only, locked=degrees, drives=drives
-        )
+        how: Any = {"base": base, "locked": degrees, "drives": drives}
+        robot = Leg.from_robot(name, frame, legs_only=legs_only, **how)
         return robot if base == "floating" or not legs_only else kicking_chain(robot).leg
     if described and not os.path.exists(name):  # noqa: PTH110
         return Leg.from_robot(name, frame, base=base, locked=degrees, drives=drives, facing=facing)
@@ -95,17 +94,15 @@ class LegOptions:
     """A leg, and how it is supported."""
 
     leg_name: str = option(
-        "--leg", default="human", metavar="human|testbed|FILE|ROBOT", show_default=True,
-        type=click.Path(),
-        help="A leg of kickdyn, a URDF or MJCF file, or the leg of a robot of the extra "
-        "kickdyn[robots] on a fixed base (g1, talos, ...). human:height=1.65,mass=58,sex=female,"
-        "side=left,model=3d is the leg of a person of this size.",
+        "--leg", default="human", metavar="human|testbed|FILE|ROBOT", type=click.Path(), help="A "
+        "leg of kickdyn, a URDF or MJCF file, or the leg of a robot of the extra kickdyn[robots] "
+        "on a fixed base (g1, talos, ...). human:height=1.65,mass=58,sex=female,side=left,model=3d "
+        "is the leg of a person of this size.",
     )  # fmt: skip
     frame: str | None = option(
-        "--frame", metavar="NAME[:SURFACE]",
-        help="Link or joint whose origin strikes the ball, or with a surface of this foot: toe, "
-        "instep, inside, outside, heel, sole_edge, or X,Y,Z:NX,NY,NZ [m], its point and normal.  "
-        "[default: toe; for a robot, its right foot]",
+        "--frame", metavar="NAME[:SURFACE]", help="Link or joint whose origin strikes the ball, or "
+        "with a surface of this foot: toe, instep, inside, outside, heel, sole_edge, or "
+        "X,Y,Z:NX,NY,NZ [m], its point and normal.  [default: toe; for a robot, its right foot]",
     )  # fmt: skip
     locked: tuple[str, ...] = option(
         "--lock", multiple=True, metavar="JOINT=VALUE",
@@ -113,41 +110,37 @@ class LegOptions:
         "matches, such as 'LFinger*=0'; repeatable.",
     )  # fmt: skip
     loops: tuple[str, ...] = option(
-        "--loop", multiple=True, metavar="A:B",
-        help="Close a kinematic loop, which a URDF file cannot have, by a ball joint between the "
-        "origins of two frames; repeatable.",
+        "--loop", multiple=True, metavar="A:B", help="Close a kinematic loop, which a URDF file "
+        "cannot have, by a ball joint between the origins of two frames; repeatable.",
     )  # fmt: skip
     supports: tuple[str, ...] = option(
         "--support", multiple=True, metavar="FRAME[:FRICTION[:CORNERS]]",
         help="Foot that stands on the ground, its coefficient of friction there, and the corners "
-        "of its sole, X,Y,Z/X,Y,Z/... [m, its axes], or a .toml file with all three. "
-        "The base then floats, and a robot has both legs; repeatable.",
+        "of its sole, X,Y,Z/X,Y,Z/... [m, its axes], or a .toml file with all three. The base then "
+        "floats, and a robot has both legs; repeatable.",
     )  # fmt: skip
     stiff_joints: tuple[str, ...] = option(
-        "--stiff", multiple=True, metavar="JOINT",
-        help="Joint whose velocity the impact does not change, as with a high gear ratio; "
-        "repeatable.",
+        "--stiff", multiple=True, metavar="JOINT", help="Joint whose velocity the impact does not "
+        "change, as with a high gear ratio; repeatable.",
     )  # fmt: skip
     drives: str | None = option(
-        "--drives", metavar="FILE|none", type=click.Path(),
-        help="TOML file with the rotor inertias and limits of joints' drives; none for no rotors.  "
-        "[default: the robot's own]",
+        "--drives", metavar="FILE|none", type=click.Path(), help="TOML file with the rotor "
+        "inertias and limits of joints' drives; none for no rotors.  [default: the robot's own]",
     )  # fmt: skip
-    base_velocity: tuple[float, float, float] | None = option(
-        "--base-velocity", type=Numbers("X,Y,Z"),
+    base_velocity: Vector = option(
+        "--base-velocity",
         help="Velocity of the fixed base, such as a hip in a run-up, at the world's origin [m/s].",
     )  # fmt: skip
-    base_angular_velocity: tuple[float, float, float] | None = option(
-        "--base-angular-velocity", type=Numbers("X,Y,Z"),
-        help="Angular velocity of the fixed base [rad/s].",
-    )  # fmt: skip
+    base_angular_velocity: Vector = option(
+        "--base-angular-velocity", help="Angular velocity of the fixed base [rad/s]."
+    )
     package_dirs: tuple[str, ...] = option(
         "--package-dir", multiple=True, metavar="DIR",
         type=click.Path(exists=True, file_okay=False),
         help="ROS package with meshes of a file, or a folder that contains it; repeatable.",
     )  # fmt: skip
     facing: str = option(
-        "--facing", default="x", show_default=True, type=click.Choice(["x", "y", "-x", "-y"]),
+        "--facing", default="x", type=click.Choice(["x", "y", "-x", "-y"]),
         help="Axis along which the robot of a file faces; its base is turned to face x.",
     )  # fmt: skip
 

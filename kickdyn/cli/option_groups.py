@@ -29,8 +29,12 @@ NAMED_BALLS = {"size-5": Ball, "paper": Ball.paper}
 
 
 def option(*names: str, **settings: Any) -> Any:
-    """Return a field of a group: the option that `click.option` makes of the same arguments."""
-    return field(metadata={"names": names, "settings": settings})
+    """Return a field of a group: the option that `click.option` makes of the same arguments.
+
+    Its help shows the default, and its type may follow from the annotation, see `TYPES`.
+    """
+    shown = {"show_default": "default" in settings}
+    return field(metadata={"names": names, "settings": shown | settings})
 
 
 def command(name: str) -> Callable[[Callable[..., None]], click.Command]:
@@ -54,6 +58,7 @@ def command(name: str) -> Callable[[Callable[..., None]], click.Command]:
         for group in reversed(groups.values()):
             for entry in reversed(fields(group)):
                 names, settings = entry.metadata["names"], entry.metadata["settings"]
+                settings = TYPES.get(entry.type, {}) | settings
                 click.option(*names, entry.name, **settings)(with_groups)
         return click.command(name, Command)(with_groups)
 
@@ -84,22 +89,30 @@ class Numbers(click.ParamType):  # type: ignore[type-arg]
         return numbers
 
 
+Vector = tuple[float, float, float] | None
+"""The value of an option `X,Y,Z`; None if it is not given."""
+
+TYPES: dict[Any, dict[str, Any]] = {
+    Vector: {"type": Numbers("X,Y,Z")}, float | None: {"type": float}, bool: {"is_flag": True},
+}  # fmt: skip
+"""Settings of options by the annotations of their fields."""
+
+
 @dataclass(frozen=True)
 class FootOptions:
     """The velocity of the foot: `speed` [m/s] and its direction above the horizontal [deg]."""
 
-    speed: float = option("--speed", default=1.0, show_default=True, help="Foot speed [m/s].")
+    speed: float = option("--speed", default=1.0, help="Foot speed [m/s].")
     attack: float = option(
-        "--attack", default=30.0, show_default=True,
+        "--attack", default=30.0,
         help="Direction of the foot and of the contact normal above the horizontal [deg].",
     )  # fmt: skip
 
     @property
     def angle(self) -> float:
         """Direction above the horizontal [rad]."""
-        return math.radians(
-            validation.number("attack", self.attack, at_least=-90, at_most=90, unit="deg")
-        )
+        angle = validation.number("attack", self.attack, at_least=-90, at_most=90, unit="deg")
+        return math.radians(angle)
 
 
 @dataclass(frozen=True)
@@ -108,7 +121,7 @@ class BallOptions:
 
     ball: str = option(
         "--ball", default="size-5", metavar="MASS:RADIUS[:PRESSURE]|size-5|paper",
-        show_default=True, help="Mass [kg], radius [m] and gauge pressure [Pa], or a name.",
+        help="Mass [kg], radius [m] and gauge pressure [Pa], or a name.",
     )  # fmt: skip
 
     def load(self) -> Ball:
@@ -136,24 +149,19 @@ class ContactOptions:
     """Coefficients of the contact: `restitution` as it was typed, and `friction`."""
 
     restitution: str = option(
-        "--restitution", default="0.8", show_default=True, metavar="E|NAME|SPEED:E,...",
+        "--restitution", default="0.8", metavar="E|NAME|SPEED:E,...",
         help="Coefficient of restitution e, from 0 to 1; a table of e over the approach speed, "
         f"such as 5:0.8,20:0.65 [m/s:e]; or a model ({', '.join(RESTITUTION_MODELS)}, which "
         "needs the PRESSURE of --ball).",
     )  # fmt: skip
-    friction: float = option(
-        "--friction", default=0.4, show_default=True, help="Coulomb's coefficient."
-    )
+    friction: float = option("--friction", default=0.4, help="Coulomb's coefficient.")
 
 
 @dataclass(frozen=True)
 class PointOptions(ContactOptions):
     """Coefficients of the contact, and its `offset` from the contact frame, in its axes [m]."""
 
-    offset: tuple[float, float, float] | None = option(
-        "--offset", type=Numbers("X,Y,Z"),
-        help="Contact point relative to --frame, in its axes [m].",
-    )  # fmt: skip
+    offset: Vector = option("--offset", help="Contact point relative to --frame, in its axes [m].")
 
     def contact(self) -> Contact:
         """Return the contact, without a normal."""
@@ -165,7 +173,7 @@ class AirOptions:
     """The air by its name, and the drag of the ball: a number, or the name of a model."""
 
     air: str = option(
-        "--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
+        "--air", default="standard", type=click.Choice(list(AIRS)),
         help="Air at 20 degC and sea level, with density and viscosity of the paper's Table 3, or "
         "none. The coefficients of drag and lift are kickdyn's.",
     )  # fmt: skip
@@ -205,7 +213,7 @@ class JsonOptions:
     """The file of the results as JSON; `-` is stdout, and then nothing else is printed."""
 
     json_file: str | None = option(
-        "--json", metavar="FILE", help="Write the results as JSON; - is stdout."
+        "--json", metavar="FILE", help="Write results as JSON; - is stdout."
     )
 
     @property
@@ -241,9 +249,7 @@ class JsonOptions:
 class PlotOptions(JsonOptions):
     """Where results are written: as JSON, and as a plot."""
 
-    plot: str | None = option(
-        "--plot", metavar="FILE", help="Plot the results: .png, .svg or .pdf."
-    )
+    plot: str | None = option("--plot", metavar="FILE", help="Plot the results: .png, .svg, .pdf.")
 
     def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
         """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""

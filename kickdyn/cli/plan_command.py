@@ -17,6 +17,7 @@ from kickdyn.cli.option_groups import (
     Numbers,
     OutputOptions,
     PointOptions,
+    Vector,
     command,
     option,
 )
@@ -28,7 +29,7 @@ from kickdyn.planning.goal import FARTHEST, Goal
 from kickdyn.planning.interception import IncomingBall
 from kickdyn.planning.kick import BOTH_FEET, plan_kick
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.kick_terms import KickObjective
+from kickdyn.planning.kick_terms import OBJECTIVES
 from kickdyn.planning.launch import SPEED_LIMIT, OutOfReach
 from kickdyn.planning.moving_kick import plan_trap
 from kickdyn.planning.plan_report import (
@@ -54,53 +55,43 @@ knees are bent, by 52 degrees if it stood on that foot."""
 class GoalOptions:
     """The target, the flight to it, and obstacles."""
 
-    distance: float | None = option(
-        "--distance", type=float, help="Distance of the target, along x [m]."
-    )
+    distance: float | None = option("--distance", help="Distance of the target, along x [m].")
     height: float = option(
-        "--height", default=0.0, show_default=True,
+        "--height", default=0.0,
         help="Height of the target above the initial position of the ball, centre to centre [m].",
     )  # fmt: skip
     left: float = option(
-        "--left", default=0.0, show_default=True,
-        help="Distance of the target to the left of the x axis [m].",
-    )  # fmt: skip
-    time: float | None = option("--time", type=float, help="Time of flight to the target [s].")
-    apex: float | None = option(
-        "--apex", type=float, help="Greatest height of the flight above its start [m]."
+        "--left", default=0.0, help="Distance of the target to the left of the x axis [m]."
     )
+    time: float | None = option("--time", help="Time of flight to the target [s].")
+    apex: float | None = option("--apex", help="Greatest height of the flight above its start [m].")
     launch_speed: float | None = option(
-        "--launch-speed", type=float, help="Speed of the ball at its launch [m/s]."
+        "--launch-speed", help="Speed of the ball at its launch [m/s]."
     )
     over: tuple[float, float] | None = option(
         "--over", type=Numbers("DISTANCE:HEIGHT"),
         help="A point that the ball's centre passes, such as one above a wall [m].",
     )  # fmt: skip
     beside: tuple[float, float] | None = option(
-        "--beside", type=Numbers("DISTANCE:LEFT"),
-        help="Point beside the line to the target that the ball passes [m]; side spin curves the "
-        "flight.",
+        "--beside", type=Numbers("DISTANCE:LEFT"), help="Point beside the line to the target that "
+        "the ball passes [m]; side spin curves the flight.",
     )  # fmt: skip
     wall: str | None = option(
-        "--wall", metavar="DISTANCE:HEIGHT[:WIDTH]",
-        help="A wall across the line to the target [m], 2.5 m wide by default. A ball that hits it "
-        "is an error. Without --time, --apex, --launch-speed and --over, the ball passes 0.1 m "
-        "above it.",
+        "--wall", metavar="DISTANCE:HEIGHT[:WIDTH]", help="A wall across the line to the target "
+        "[m], 2.5 m wide by default. A ball that hits it is an error. Without --time, --apex, "
+        "--launch-speed and --over, the ball passes 0.1 m above it.",
     )  # fmt: skip
     goal_mouth: bool = option(
-        "--goal", is_flag=True,
-        help="Draw a goal 7.32 m wide and 2.44 m high, straight ahead at the target's distance, "
-        "and report whether the ball enters it.",
+        "--goal", help="Draw a goal 7.32 m wide and 2.44 m high, straight ahead at the target's "
+        "distance, and report whether the ball enters it.",
     )  # fmt: skip
     surface: str | None = option(
         "--pass", metavar="SURFACE", type=click.Choice(list(SURFACES)),
         help="Play the ball along the ground in --time, on a surface such as turf or carpet.",
     )  # fmt: skip
-    spin: tuple[float, float, float] | None = option(
-        "--spin", type=Numbers("X,Y,Z"), help="Spin of the ball [rad/s]; back spin has Y < 0."
-    )
-    receiver_velocity: tuple[float, float, float] | None = option(
-        "--receiver-velocity", type=Numbers("X,Y,Z"),
+    spin: Vector = option("--spin", help="Spin of the ball [rad/s]; back spin has Y < 0.")
+    receiver_velocity: Vector = option(
+        "--receiver-velocity",
         help="Velocity of a receiver who is at the target when the ball starts [m/s].",
     )  # fmt: skip
 
@@ -134,53 +125,45 @@ class KickOptions:
     """Where the ball lies, what is minimized, and whether the motion is planned."""
 
     ball_height: float | None = option(
-        "--ball-height", type=float,
-        help="Height of the ball's centre [m, world frame]. By default, the ball is as low as the "
-        "foot of the straight leg (-0.7042 m for human), of a robot with bent knees and hips 10 % "
-        "lower, or it lies on the ground z = 0 of a robot on a support. In Python, the height is "
-        "free by default.",
+        "--ball-height", help="Height of the ball's centre [m, world frame]. By default, the ball "
+        "is as low as the foot of the straight leg (-0.7042 m for human), of a robot with bent "
+        "knees and hips 10 % lower, or it lies on the ground z = 0 of a robot on a support. In "
+        "Python, the height is free by default.",
     )  # fmt: skip
-    ball_at: tuple[float, float, float] | None = option(
-        "--ball-at", type=Numbers("X,Y,Z"),
-        help="Position of the ball's centre [m, world frame], in place of --ball-height. Only the "
-        "self-motion of the leg remains free.",
+    ball_at: Vector = option(
+        "--ball-at", help="Position of the ball's centre [m, world frame], in place of "
+        "--ball-height. Only the self-motion of the leg remains free.",
     )  # fmt: skip
-    ball_position: tuple[float, float, float] | None = option(
-        "--ball-position", type=Numbers("X,Y,Z"),
-        help="Position of the centre of a ball that moves, at time 0 [m, world frame]; distance, "
-        "height and side of the target are measured from there.",
+    ball_position: Vector = option(
+        "--ball-position", help="Position of the centre of a ball that moves, at time 0 [m, world "
+        "frame]; distance, height and side of the target are measured from there.",
     )  # fmt: skip
-    ball_velocity: tuple[float, float, float] | None = option(
-        "--ball-velocity", type=Numbers("X,Y,Z"),
+    ball_velocity: Vector = option(
+        "--ball-velocity",
         help="Its velocity then [m/s]; without a vertical part, the ball is on the ground.",
     )  # fmt: skip
-    ball_spin: tuple[float, float, float] | None = option(
-        "--ball-spin", type=Numbers("X,Y,Z"),
-        help="Its spin then [rad/s].  [default: none]",
-    )  # fmt: skip
+    ball_spin: Vector = option("--ball-spin", help="Its spin then [rad/s].  [default: none]")
     meet_at: float | None = option(
-        "--meet-at", type=float, help="Time at which it is met [s].  [default: the best]"
+        "--meet-at", help="Time at which it is met [s].  [default: the best]"
     )
-    trap: tuple[float, float, float] | None = option(
-        "--trap", type=Numbers("X,Y,Z"),
+    trap: Vector = option(
+        "--trap",
         help="Leave the ball with this velocity [m/s], such as 0,0,0, in place of a target.",
     )  # fmt: skip
     objective: str | None = option(
-        "--objective",
-        type=click.Choice([name.value for name in KickObjective if name != "torque-squared"]),
-        help="Quantity that is minimized, or maximized where the name begins with most.  "
-        "[default: joint-speed]",
+        "--objective", type=click.Choice([name.value for name in OBJECTIVES]),
+        help="Quantity that is minimized, or maximized where the name begins with most.  [default: "
+        "joint-speed]",
     )  # fmt: skip
     no_limits: bool = option(
-        "--no-limits", is_flag=True, help="Ignore the speed and torque limits of the joints."
+        "--no-limits", help="Ignore the speed and torque limits of the joints."
     )
     motion: bool = option(
-        "--motion", is_flag=True,
-        help="Plan the motion of all joints from rest to the impact and to rest again, within all "
-        "limits, and show it in the page.",
+        "--motion", help="Plan the motion of all joints from rest to the impact and to rest again, "
+        "within all limits, and show it in the page.",
     )  # fmt: skip
     both_feet: bool = option(
-        "--both-feet", is_flag=True,
+        "--both-feet",
         help="With --motion: start and end on both feet, in place of the supporting one.",
     )  # fmt: skip
 
@@ -251,14 +234,12 @@ class PlanOutputOptions(OutputOptions):
         help="Write the motion, 100 times a second: .csv, .npz, .yaml (ROS 2) or .xml (MuJoCo).",
     )  # fmt: skip
     run: str | None = option(
-        "--run", type=click.Choice(["mujoco"]),
-        help="Carry the motion out in a simulator, report the ball and the robot, and show them in "
-        "the page beside the plan.",
+        "--run", type=click.Choice(["mujoco"]), help="Carry the motion out in a simulator, report "
+        "the ball and the robot, and show them in the page beside the plan.",
     )  # fmt: skip
     corrections: int | None = option(
-        "--corrections", type=click.IntRange(1, 10), metavar="N",
-        help="Correct the motion N times, 1 to 10, with the result of the simulator, before it is "
-        "written and carried out.",
+        "--corrections", type=click.IntRange(1, 10), metavar="N", help="Correct the motion N "
+        "times, 1 to 10, with the result of the simulator, before it is written and carried out.",
     )  # fmt: skip
     noisy_runs: int | None = option(
         "--noisy-runs", type=click.IntRange(1, 10_000), metavar="N",
@@ -293,9 +274,7 @@ class PlanOutputOptions(OutputOptions):
 class WindyAirOptions(AirOptions):
     """The air, and the velocity of the wind [m/s]."""
 
-    wind: tuple[float, float, float] | None = option(
-        "--wind", type=Numbers("X,Y,Z"), help="Velocity of the wind [m/s]."
-    )
+    wind: Vector = option("--wind", help="Velocity of the wind [m/s].")
 
     def load(self) -> Air | None:
         """Return the air; None in a vacuum."""
@@ -364,13 +343,12 @@ def plan(
     output.write_json(document)
     if output.prints:
         print_wrapped("\n".join(sentences), indent=0)
-        print_wrapped("\n".join(report.table()))
+        output.print_rows(planned, planned.impact)
         for result in results.values():
             click.echo(f"\n{result}")
     output.save_plot(planned.plot)
-    if output.view is not None:  # the page has the warnings itself
-        caption = " ".join(line for line in sentences if not line.startswith("Warning: "))
-        output.save_page(run or planned, caption=caption, scenery=_scenery(report))
+    if output.view is not None:
+        output.save_page(run or planned, caption=" ".join(sentences), scenery=_scenery(report))
     output.name_written(output.plot, output.view, output.out)
 
 
@@ -388,9 +366,8 @@ def _carry_out(
             planned = refine_kick(planned, rounds=output.corrections, by="mujoco", foot=foot)
         run, noisy = run_in_mujoco(planned, foot=foot), None
         if output.noisy_runs is not None:
-            noisy = run_with_noise(
-                planned, output.noisy_runs, tuning=run.tuning, progress=show, foot=foot
-            )
+            options: Any = {"tuning": run.tuning, "progress": show, "foot": foot}
+            noisy = run_with_noise(planned, output.noisy_runs, **options)
     return planned, run, noisy
 
 

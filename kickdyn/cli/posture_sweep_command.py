@@ -57,20 +57,18 @@ class SweepOptions:
     """The grid, the impact law, and the postures that are shown."""
 
     joints: tuple[str, ...] = option(
-        "--joint", multiple=True, metavar="NAME=LOW:HIGH:STEP",
-        help="Range of a joint [deg; m for prismatic joints], or NAME=VALUE for a constant value; "
-        "repeatable. By default, human and testbed have a range of hip, knee and ankle, in steps "
-        "of 5 deg.",
+        "--joint", multiple=True, metavar="NAME=LOW:HIGH:STEP", help="Range of a joint [deg; m for "
+        "prismatic joints], or NAME=VALUE for a constant value; repeatable. By default, human and "
+        "testbed have a range of hip, knee and ankle, in steps of 5 deg.",
     )  # fmt: skip
     law: str = option(
-        "--law", default="newton", show_default=True, type=click.Choice([*LAWS]),
+        "--law", default="newton", type=click.Choice([*LAWS]),
         help=f"Impact law. A compiled kernel exists for {names_of_laws('has_kernel')}; with the "
         "others a sweep is about a thousand times slower.",
     )  # fmt: skip
     where: str | None = option(
-        "--where", metavar="CONDITION",
-        help="Condition on the postures of table, plot and page, with joints [deg] and variables, "
-        "such as 'knee < 30 and worst_joint_impulse <= 2'.",
+        "--where", metavar="CONDITION", help="Condition on the postures of table, plot and page, "
+        "with joints [deg] and variables, such as 'knee < 30 and worst_joint_impulse <= 2'.",
     )  # fmt: skip
 
 
@@ -79,10 +77,9 @@ class StoreOptions:
     """Where the dataset is written, and how it is computed."""
 
     out: str | None = option(
-        "--out", metavar="FILE.nc|DIR.zarr", type=click.Path(),
-        help="Write the dataset, as netCDF 4 (up to a million postures) or Zarr (any number, can "
-        "be resumed). Without it, only the best postures and the Pareto front are kept, for "
-        "--json.",
+        "--out", metavar="FILE.nc|DIR.zarr", type=click.Path(), help="Write the dataset, as netCDF "
+        "4 (up to a million postures) or Zarr (any number, can be resumed). Without it, only the "
+        "best postures and the Pareto front are kept, for --json.",
     )  # fmt: skip
     variables: str | None = option(
         "--variables", metavar="NAME,...",
@@ -90,15 +87,14 @@ class StoreOptions:
         f"({', '.join(NEEDED)}).  [default: all, {', '.join(VARIABLES)}]",
     )  # fmt: skip
     resume: bool = option(
-        "--resume", is_flag=True,
-        help="Compute only what is missing in DIR.zarr, after an interruption.",
-    )  # fmt: skip
+        "--resume", help="Compute only what is missing in DIR.zarr, after an interruption."
+    )
     threads: int | None = option(
         "--threads", type=click.IntRange(1, 1024), metavar="N",
         help="Number of threads, 1 to 1024.  [default: one per core]",
     )  # fmt: skip
     tolerance: float = option(
-        "--tolerance", default=CARRY_TOLERANCE, show_default=True,
+        "--tolerance", default=CARRY_TOLERANCE,
         help="Largest error of a carry distance [m]. Carries of planar legs are interpolated "
         "between computed flights; with 0, every flight is computed.",
     )  # fmt: skip
@@ -127,9 +123,7 @@ class StoreOptions:
         if self.store is None and self.resume:
             raise InvalidInput("--resume needs a Zarr store: add --out DIR.zarr")
         if self.out is None and self.variables is not None:
-            raise InvalidInput(
-                "--variables selects what --out writes: add --out FILE.nc or DIR.zarr"
-            )
+            raise InvalidInput("--variables is for --out: add --out FILE.nc or DIR.zarr")
 
 
 @command("posture-sweep")
@@ -210,13 +204,11 @@ def _save_page(file: str, kick: Kick, lines: Iterable[ReportLine]) -> str | None
     """Write a page with a button for each line that has an impact; return its name, if any has."""
     from kickdyn.view.page import page, page_of_pages  # imports meshcat
 
-    pages = {
-        line.label: page(
-            impact, fly(impact.ball_after, kick.ball, kick.air), caption=line.explanation
-        )
-        for line in lines
-        if (impact := line.outcome.impact) is not None
-    }
+    pages = {}
+    for line in lines:
+        if (impact := line.outcome.impact) is not None:
+            path = fly(impact.ball_after, kick.ball, kick.air)
+            pages[line.label] = page(impact, path, caption=line.explanation)
     if not pages:
         return None
     made_page = page_of_pages(pages)

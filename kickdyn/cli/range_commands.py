@@ -14,7 +14,7 @@ from typing import Any
 import click
 import numpy as np
 
-from kickdyn.cli.commands import busy, print_wrapped, warn
+from kickdyn.cli.commands import busy
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
@@ -49,18 +49,15 @@ class ReachOptions(PlotOptions):
         f"[default: {', '.join(f'{angle:g}' for angle in ELEVATIONS)}]",
     )  # fmt: skip
     motion: bool = option(
-        "--motion", is_flag=True,
-        help="Plan whole motions, within all of their limits: minutes for each direction of a "
-        "robot. By default, only the limits at the impact apply.",
+        "--motion", help="Plan whole motions, within all of their limits: minutes for each "
+        "direction of a robot. By default, only the limits at the impact apply.",
     )  # fmt: skip
     tolerance: float = option(
-        "--tolerance", type=float, default=0.05, show_default=True,
-        help="Relative accuracy of the speed.",
-    )  # fmt: skip
+        "--tolerance", type=float, default=0.05, help="Relative accuracy of the speed."
+    )
     out: str | None = option(
-        "--out", metavar="FILE.csv",
-        help="Keep the table in a file: each row is written when it is computed, and the same "
-        "command continues after an interruption.",
+        "--out", metavar="FILE.csv", help="Keep the table in a file: each row is written when it "
+        "is computed, and the same command continues after an interruption.",
     )  # fmt: skip
 
 
@@ -85,11 +82,8 @@ def reach(
             ball_position=height_of_ball(robot, struck, contact.offset), motion=output.motion,
             tolerance=output.tolerance, file=output.out, progress=show,
         )  # fmt: skip
-    warn(table.warnings)
     output.write_json(table.to_json())
-    if output.prints:
-        limits = "whole motions" if table.motion else "the impact alone: upper bounds"
-        print_wrapped("\n".join([f"{table.robot}, limits of {limits}", *table.table()]))
+    output.print_rows(table)
     output.save_plot(table.plot)
     output.name_written(output.plot, output.out)
 
@@ -102,29 +96,25 @@ class RangeOptions:
         "--speed", metavar="LOW,HIGH|VALUE", help="Speeds of the launch [m/s]; without, read FILE."
     )
     elevation: str = option(
-        "--elevation", metavar="LOW,HIGH|VALUE", default="0", show_default=True,
-        help="Elevations of the launch [deg].",
-    )  # fmt: skip
+        "--elevation", metavar="LOW,HIGH|VALUE", default="0", help="Elevations of the launch [deg]."
+    )
     azimuth: str = option(
-        "--azimuth", metavar="LOW,HIGH|VALUE", default="0", show_default=True,
+        "--azimuth", metavar="LOW,HIGH|VALUE", default="0",
         help="Directions of the launch to the left of x [deg].",
     )  # fmt: skip
     x: str | None = option(
-        "--ball-x", metavar="LOW,HIGH|VALUE",
-        help="Places of the ball's centre ahead of the origin [m].  [default: the place that suits "
-        "the middle of the ranges best]",
+        "--ball-x", metavar="LOW,HIGH|VALUE", help="Places of the ball's centre ahead of the "
+        "origin [m].  [default: the place that suits the middle of the ranges best]",
     )  # fmt: skip
     y: str | None = option(
         "--ball-y", metavar="LOW,HIGH|VALUE", help="Likewise, to the left of the origin [m]."
     )
     height: float | None = option(
-        "--ball-height", type=float,
-        help="Height of the ball's centre, which a leg on a fixed base needs [m].",
-    )  # fmt: skip
+        "--ball-height", help="Height of the ball's centre, which a leg on a fixed base needs [m]."
+    )
     workers: int = option(
-        "--workers", type=click.IntRange(1), default=1, show_default=True,
-        help="Processes that plan motions.",
-    )  # fmt: skip
+        "--workers", type=click.IntRange(1), default=1, help="Processes that plan motions."
+    )
 
     def ranges(self) -> dict[str, Any]:
         """Return the ranges in SI units."""
@@ -148,9 +138,8 @@ class LibraryKickOptions(JsonOptions):
     """A single kick of the library, and the file of its motion."""
 
     kick: str | None = option(
-        "--kick", metavar="SPEED,ELEVATION[,X,Y]",
-        help="Print the kick with a launch [m/s, deg] and a place of the ball [m], by default the "
-        "middle of the ranges.",
+        "--kick", metavar="SPEED,ELEVATION[,X,Y]", help="Print the kick with a launch [m/s, deg] "
+        "and a place of the ball [m], by default the middle of the ranges.",
     )  # fmt: skip
     out: str | None = option(
         "--out", metavar="FILE",

@@ -11,12 +11,12 @@ import numpy as np
 from kickdyn.cli.commands import busy, check_page_name, print_wrapped, warn
 from kickdyn.cli.option_groups import JsonOptions, PlotOptions, command, scene_argument
 from kickdyn.core import validation
-from kickdyn.core.files import finite
+from kickdyn.core.files import attributes, plain
 from kickdyn.core.plot_style import styled
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
 from kickdyn.scene.effects import EffectSize
-from kickdyn.scene.simulate import Simulation, measure_effects, simulate_as_instant
+from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.scene.simulate import simulate as simulate_scene
 from kickdyn.scene.toml_reader import load_scene
 
@@ -41,12 +41,15 @@ def simulate(scene_file: str, tolerance: float, exact: bool, output: JsonOptions
         answer = simulate_scene(scene, None if exact else tolerance)
         document = _simulation_document(answer)
     output.write_json(document)
+    output.print_rows(answer)
     if output.prints:
-        print_wrapped(answer.text(times=True))
+        times = (f"{1e3 * size.seconds:.2g} without {size.effect}" for size in answer.effects)
+        all_times = ", ".join([f"{1e3 * answer.seconds:.2g} ms", *times])
+        print_wrapped(f"processor times, of the path alone for effects in flight: {all_times}")
     output.name_written()
 
 
-JOINT_NUMBERS = ("force", "force_deviation", "moment", "moment_deviation")
+JOINT_NUMBERS = "force force_deviation moment moment_deviation"
 """Numbers of `JointUncertainty` in JSON [N s, N m s]."""
 
 
@@ -61,28 +64,24 @@ def numbers_of(answer: Simulation) -> dict[str, Any]:
         "ball_spin": answer.launch.spin.tolist(),
         "end": answer.end.position.tolist(),
         "time": float(answer.end.time),
-        "error": finite(answer.error),
         "wall": passage and {"above": passage.above, "beside": passage.beside},
-        "goal_mouth": score and score._asdict(),
-        "warnings": list(answer.warnings),
+        "goal_mouth": plain(score),
+        **attributes(answer, "error warnings"),
     }
 
 
 def _simulation_document(answer: Simulation) -> dict[str, Any]:
     """Return the numbers of a simulation, its tolerance and its effects."""
     numbers = numbers_of(answer)
-    for name in ("tolerance", "within_tolerance", "status", "method", "evaluations", "seconds"):
-        numbers[name] = getattr(answer, name)
-    for name in ("model_error", "numerical_error", "end_deviation"):
-        numbers[name] = finite(getattr(answer, name))
+    numbers |= attributes(answer, "tolerance within_tolerance status method evaluations seconds")
+    numbers |= attributes(answer, "model_error numerical_error end_deviation")
     numbers["joint_impulses"] = answer.launch_spread and {
-        name: {key: finite(getattr(joint, key)) for key in JOINT_NUMBERS}
+        name: attributes(joint, JOINT_NUMBERS)
         for name, joint in answer.launch_spread.joints.items()
     }
     numbers["effects"] = [
-        {"effect": size.effect, "modelled": size.effect in answer.modelled,
-         "negligible": size.effect in answer.negligible, "size": finite(size.end),
-         "seconds": size.seconds}
+        {"modelled": size.effect in answer.modelled, "size": plain(size.end),
+         "negligible": size.effect in answer.negligible, **attributes(size, "effect seconds")}
         for size in answer.effects
     ]  # fmt: skip
     return numbers
@@ -127,6 +126,7 @@ def view(
     output.write_json(_view_document(simulation))
     if output.prints:
         print_wrapped(simulation.summary)
+        warn(simulation.warnings)
     if pages:
         with busy("drawing"):
             made_page = page(simulation)
@@ -155,10 +155,10 @@ def _view_document(simulation: Simulation) -> dict[str, Any]:
         "frame": leg.frame,
         **joints,
         "impulse": impact.impulse.tolist(),
-        "joint_impulses": {name: impulse.tolist() for name, _, impulse in impulses},
+        "joint_impulses": plain({name: impulse for name, _, impulse in impulses}),
         "foot_speed": float(np.linalg.norm(impact.foot_velocity)),
         "launch_angle": float(simulation.launch.elevation),
-        "neglected": dict.fromkeys(simulation.neglected, finite(simulation.model_error)),
+        "neglected": dict.fromkeys(simulation.neglected, plain(simulation.model_error)),
     }
 
 
@@ -196,11 +196,7 @@ def _compare_functions(output: PlotOptions) -> None:
         rows = measure_functions(show)
     output.save_plot(partial(cost_figure, rows))
     units = {"seconds": "s", "seconds_alike": "s", "rounding": "1", "model": "1"}
-    numbers = "rounding", "model", "seconds_alike"
-    functions = [
-        row._asdict() | {name: finite(getattr(row, name)) for name in numbers} for row in rows
-    ]
-    output.write_json({"units": units, "functions": functions})
+    output.write_json({"units": units, "functions": plain(rows)})
     if output.prints:
         lines = [f"{'function':28}{'time [us]':>12}{'rounding':>12}{'model':>12}"]
         for row in rows:
@@ -220,31 +216,19 @@ def _compare_functions(output: PlotOptions) -> None:
 def _measure_scene(scene: str, output: PlotOptions) -> None:
     """Measure the effects of a scene; write and print the results."""
     loaded = load_scene(scene)
-    with busy("measuring") as show:
+    with busy("measuring"):
         exact = simulate_scene(loaded, None)
-        sizes = measure_effects(exact, show)
-    sizes.sort(key=lambda size: math.inf if math.isnan(size.end) else -size.end)
+        sizes = sorted(
+            exact.effects, key=lambda size: math.inf if math.isnan(size.end) else -size.end
+        )
     output.save_plot(partial(effect_figure, loaded.name, sizes))
     output.write_json({
         "scene": loaded.name, "status": exact.status,
         "end": exact.end.position.tolist(), "impulse": exact.impact.impulse.tolist(),
         "units": {"end": "m", "impulse": "N s"},
-        "effects": [vars(size) | {"end": finite(size.end), "impulse": finite(size.impulse)}
-                    for size in sizes],
+        "effects": plain(sizes),
     })  # fmt: skip
-    if output.prints:
-        impulse = float(np.linalg.norm(exact.impact.impulse))
-        lines = [
-            f"{loaded.name}: impulse {impulse:.4g} N s, {exact.end_text}. If one effect is "
-            "neglected:",
-            f"\n{'effect':14}{'end moves by [m]':>18}{'impulse changes by [N s]':>26}",
-        ]
-        for size in sizes:
-            end, impulse_change = (
-                "" if math.isnan(value) else f"{value:.3g}" for value in (size.end, size.impulse)
-            )
-            lines.append(f"{size.effect:14}{end:>18}{impulse_change:>26}  {size.why_not}".rstrip())
-        print_wrapped("\n".join([*lines, "", *(f"warning: {line}" for line in exact.warnings)]))
+    output.print_rows(exact)
 
 
 @styled()

@@ -9,7 +9,7 @@ import numpy as np
 
 from kickdyn.cli.commands import busy, print_wrapped
 from kickdyn.cli.option_groups import JsonOptions, command, option, scene_argument
-from kickdyn.core.files import replacing
+from kickdyn.core.files import attributes, replacing
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.force_model import CONTACT_TIME
 from kickdyn.robot.leg import Leg
@@ -21,29 +21,25 @@ from kickdyn.simulators.mujoco_fit import MujocoIntegrator
 from kickdyn.simulators.tune_mujoco import MujocoTuning
 from kickdyn.simulators.tune_mujoco import tune_mujoco as tune_contact
 
-PLAIN = (
-    *("timestep", "integrator", "solref", "solimp", "friction", "solreffriction"),
-    *("condim", "margin", "contact_time", "wanted_contact_time", "tolerance", "within_tolerance"),
-    "warnings",
+NUMBERS = (
+    "timestep integrator solref solimp friction solreffriction condim margin contact_time "
+    "wanted_contact_time tolerance within_tolerance warnings errors"
 )
-"""Attributes of `MujocoTuning` that JSON can hold as they are."""
+"""Attributes of `MujocoTuning` that are written as JSON."""
 
 
 @dataclass(frozen=True)
 class MujocoOptions:
     """How MuJoCo simulates the kick, and how exact the tuned contact must be."""
 
-    timestep: float = option(
-        "--timestep", default=0.002, show_default=True, help="Time step of MuJoCo [s]."
-    )
+    timestep: float = option("--timestep", default=0.002, help="Time step of MuJoCo [s].")
     integrator: str = option(
-        "--integrator", default="implicitfast", show_default=True,
-        type=click.Choice([kind.value for kind in MujocoIntegrator]), help="Integrator of MuJoCo.",
+        "--integrator", default="implicitfast", help="Integrator of MuJoCo.",
+        type=click.Choice([kind.value for kind in MujocoIntegrator]),
     )  # fmt: skip
     tolerance: float = option(
-        "--tolerance", default=0.03, show_default=True,
-        help="Largest accepted relative error of the ball's speed.",
-    )  # fmt: skip
+        "--tolerance", default=0.03, help="Largest accepted relative error of the ball's speed."
+    )
     feet: tuple[str, ...] = option(
         "--foot", multiple=True, metavar="NAME",
         help="Geom of your robot that strikes the ball, for the contact pair with friction; "
@@ -150,8 +146,7 @@ def find_foot(leg: Leg) -> tuple[str, ...]:
 def _document(name: str, tuning: MujocoTuning, model: str) -> dict[str, Any]:
     return {
         "scene": name,
-        **{key: getattr(tuning, key) for key in PLAIN},
-        "errors": [error._asdict() for error in tuning.errors],
+        **attributes(tuning, NUMBERS),
         "goals": [{**goal._asdict(), "met": goal.met} for goal in tuning.goals],
         "mjcf": model,
     }

@@ -8,13 +8,19 @@ import stat
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from kickdyn.core.validation import brief
 from kickdyn.errors import FaultyFile, InvalidInput, shortened
+
+FileName = str | os.PathLike[str]
+"""The name of a file."""
 
 MAX_TOML_BYTES = 100_000
 """Size of the largest file that `read_toml` reads [bytes]."""
@@ -33,9 +39,7 @@ def shipped(folder: str) -> Path:
     return packaged if packaged.exists() else package.parent / folder
 
 
-def check_file(
-    path: str | os.PathLike[str], source: str, most: int, error: type[FaultyFile]
-) -> None:
+def check_file(path: FileName, source: str, most: int, error: type[FaultyFile]) -> None:
     """Raise `error`, which calls the file `source`, unless it is regular and of `most` bytes."""
     try:
         status = os.stat(path)  # noqa: PTH116 a path of any kind
@@ -53,7 +57,7 @@ def check_file(
         raise error(source, [f"has {status.st_size} bytes: at most {most} are read"])
 
 
-def read_text(path: str | os.PathLike[str], source: str, most: int, error: type[FaultyFile]) -> str:
+def read_text(path: FileName, source: str, most: int, error: type[FaultyFile]) -> str:
     """Return the text of a regular UTF-8 file of at most `most` bytes, or raise `error`.
 
     The error calls the file `source`.
@@ -68,7 +72,7 @@ def read_text(path: str | os.PathLike[str], source: str, most: int, error: type[
 
 
 def read_toml(
-    path: str | os.PathLike[str], source: str = "", error: type[FaultyFile] = FaultyFile
+    path: FileName, source: str = "", error: type[FaultyFile] = FaultyFile
 ) -> dict[str, Any]:
     """Return the tables of a TOML file of at most `MAX_TOML_BYTES`, or raise `error`.
 
@@ -95,7 +99,7 @@ def _line_of(text: str, fault: Exception) -> str:
     )
 
 
-def check_writable(path: str | os.PathLike[str]) -> None:
+def check_writable(path: FileName) -> None:
     """Raise `InvalidInput` unless a file can be written at `path`; call it before long work.
 
     A symbolic link is refused: where others may write to the folder, it could lead anywhere.
@@ -119,7 +123,16 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         raise _refused(path, error) from None
 
 
-def _mode(path: str | os.PathLike[str]) -> int:
+def checked_ending(path: FileName, endings: Iterable[str], use: str) -> str:
+    """Return the ending of a file's name in lower case; refuse one for which there is no `use`."""
+    ending = Path(path).suffix.lower()
+    if ending not in endings:
+        name = f"{shortened(os.fspath(path))} has the extension {ending!r}"
+        raise InvalidInput(f"{name}: {use} {', '.join(endings)}")
+    return ending
+
+
+def _mode(path: FileName) -> int:
     try:
         status = os.lstat(path)
     except FileNotFoundError:
@@ -130,7 +143,7 @@ def _mode(path: str | os.PathLike[str]) -> int:
 
 
 @contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+def replacing(path: FileName) -> Iterator[Path]:
     """Yield a temporary file to write, which replaces `path` at the end; after an error, delete it.
 
     The temporary name keeps the suffix, by which many writers choose the format. A file of the user
@@ -151,9 +164,9 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def check_outputs(
-    *files: str | os.PathLike[str] | None,
+    *files: FileName | None,
     json_file: str | None = None,
-    inputs: Iterable[str | os.PathLike[str] | None] = (),
+    inputs: Iterable[FileName | None] = (),
 ) -> list[str]:
     """Return which of the files exist; raise `InvalidInput` unless all can be written.
 
@@ -163,9 +176,8 @@ def check_outputs(
     named = [file for file in (None if json_file == "-" else json_file, *files) if file is not None]
     for file in named:
         check_writable(file)
-    real, read = (
-        [Path(file).resolve() for file in some if file is not None] for some in (named, inputs)
-    )
+    groups = (named, inputs)
+    real, read = ([Path(file).resolve() for file in some if file is not None] for some in groups)
     for output in real:
         if real.count(output) > 1:
             raise InvalidInput(f"{output.name} is named for two outputs: give each its own file")
@@ -174,7 +186,7 @@ def check_outputs(
     return [str(file) for file, path in zip(named, real, strict=True) if path.exists()]
 
 
-def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:
+def _refused(path: FileName, error: Exception) -> InvalidInput:
     return InvalidInput(f"{shortened(str(path))} cannot be written ({_reason(error)})")
 
 
@@ -193,6 +205,25 @@ def write_json(path: str, document: object) -> None:
         draft.write_text(text, encoding="utf-8")
 
 
-def finite(value: float) -> float | None:
-    """Return a number for JSON: None, which is null there, where it is not finite."""
-    return value if math.isfinite(value) else None
+def plain(value: Any) -> Any:
+    """Return a value as JSON can hold it.
+
+    Records, such as named tuples, are mappings and arrays lists. A number that is not finite is
+    None, which is null in JSON.
+    """
+    if is_dataclass(value):
+        value = vars(value)
+    elif isinstance(value, tuple) and hasattr(value, "_asdict"):
+        value = value._asdict()
+    elif isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {name: plain(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def attributes(value: object, names: str) -> dict[str, Any]:
+    """Return attributes for JSON, by their names, which are separated by blanks."""
+    return {name: plain(getattr(value, name)) for name in names.split()}

@@ -118,9 +118,8 @@ def source_text(function: types.FunctionType) -> str:
         raise missing from None
     line = code.co_firstlineno
     if code.co_name == "<lambda>":
-        around = [
-            node for node in statements if _first_line(node) <= line <= (node.end_lineno or 0)
-        ]
+        ends = ((node, node.end_lineno or 0) for node in statements)
+        around = [node for node, end in ends if _first_line(node) <= line <= end]
     else:
         around = [
             node for node in statements

@@ -2,14 +2,11 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kickdyn.core.files import replacing
-from kickdyn.errors import InvalidInput
+from kickdyn.core.files import FileName, checked_ending, replacing
 
 ENDINGS = (".png", ".svg", ".pdf")
 """Endings of the formats that plots are written in."""
@@ -49,15 +46,12 @@ def styled() -> Iterator[None]:
         yield
 
 
-def check_name(path: str | PathLike[str]) -> None:
+def check_name(path: FileName) -> None:
     """Raise `InvalidInput` unless the name ends as a picture's does."""
-    if Path(path).suffix.lower() not in ENDINGS:
-        raise InvalidInput(
-            f"{path} has no known extension: plots are written as {', '.join(ENDINGS)}"
-        )
+    checked_ending(path, ENDINGS, "plots are written as")
 
 
-def save_figure(figure: Any, path: str | PathLike[str]) -> None:
+def save_figure(figure: Any, path: FileName) -> None:
     """Write a figure as PNG, SVG or PDF, by its ending; raise `InvalidInput` if that fails."""
     check_name(path)
     with replacing(path) as draft, styled():  # labels of ticks are made here

@@ -67,9 +67,7 @@ class ReprMixin(ReadOnlyArrays):
         raise NotImplementedError
 
     def __repr__(self) -> str:
-        rows = [
-            (name, f"{format_value(value)} {unit}".rstrip()) for name, value, unit in self._rows()
-        ]
+        rows = [(name, f"{format_value(x)} {unit}".rstrip()) for name, x, unit in self._rows()]
         width = max(len(name) for name, _ in rows)
         return "\n".join([type(self).__name__, *(f"  {n:{width}}  {v}" for n, v in rows)])
 

@@ -5,6 +5,7 @@ import inspect
 import math
 from collections.abc import Callable, Mapping
 from enum import StrEnum
+from importlib.util import find_spec
 from types import UnionType
 from typing import (
     TYPE_CHECKING,
@@ -196,6 +197,13 @@ def _refuse_type(name: str, value: object, kinds: tuple[type, ...]) -> NoReturn:
     raise InvalidInput("; ".join([f"{name} is {shown}: it must be {valid}", *makers]))
 
 
+def check_installed(package: str, extra: str, what: str) -> None:
+    """Raise `InvalidInput` if an optional package, which `what` needs, is not installed."""
+    if find_spec(package) is None:
+        install = f'pip install "kickdyn[{extra}]"'
+        raise InvalidInput(f"{what} need the package {package}: install it with {install}")
+
+
 def flag(name: str, value: object) -> bool:
     """Return `value` if it is True or False, or raise `InvalidInput`."""
     check_type(bool, np.bool_, **{name: value})
@@ -218,9 +226,8 @@ def times(t: ArrayLike, duration: float, what: str) -> Array:
         raise InvalidInput(f"t has shape {moments.shape}: it must be a number or (n,)")
     outside = moments[(moments < 0) | (moments > duration)]
     if outside.size:
-        raise InvalidInput(
-            f"t is {float(outside.flat[0]):g} s: {what} lasts from 0 to {duration:g} s"
-        )
+        time = float(outside.flat[0])
+        raise InvalidInput(f"t is {time:g} s: {what} lasts from 0 to {duration:g} s")
     return moments
 
 
@@ -243,9 +250,8 @@ def direction(name: str, value: ArrayLike) -> Array:
 
 def length(vectors: Array) -> Array:
     """Return the length of vectors along the last axis; squares neither overflow nor vanish."""
-    components = [
-        vectors[..., k] for k in range(vectors.shape[-1])
-    ]  # numpy is slow along short axes
+    # numpy is slow along short axes
+    components = [vectors[..., k] for k in range(vectors.shape[-1])]
     largest = functools.reduce(np.maximum, (np.abs(component) for component in components))
     safe = np.where(largest > 0, largest, 1.0)
     squares = ((component / safe) ** 2 for component in components)

@@ -5,12 +5,11 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from os import PathLike
 
 import numpy as np
 
 from kickdyn.core import validation
-from kickdyn.core.files import read_text
+from kickdyn.core.files import FileName, read_text
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import FaultyFile, InvalidInput
@@ -80,9 +79,7 @@ class BodyTrack(ReprMixin):
         if moments.ndim != 1 or not moments.size or not (np.diff(moments) > 0.0).all():
             raise InvalidInput("times must have shape (n,), with one entry at least, and increase")
         if not isinstance(markers, list | tuple) or not all(isinstance(n, str) for n in markers):
-            raise InvalidInput(
-                f"markers is {validation.brief(markers)}: it must be a list of names"
-            )
+            raise InvalidInput(f"markers is {validation.brief(markers)}: it must list names")
         names = tuple(markers)
         shape = (moments.size, len(names), 3)
         points = _with_gaps("positions", np.zeros(shape) if positions is None else positions, shape)
@@ -165,7 +162,7 @@ class BodyTrack(ReprMixin):
 
     @classmethod
     @validation.check_arguments
-    def from_c3d(cls, file: str | PathLike[str], *, up: str = "z") -> "BodyTrack":
+    def from_c3d(cls, file: FileName, *, up: str = "z") -> "BodyTrack":
         """Read all markers of a C3D file, as `Track.from_c3d` reads one.
 
         Args:
@@ -183,7 +180,7 @@ class BodyTrack(ReprMixin):
 
     @classmethod
     @validation.check_arguments
-    def from_trc(cls, file: str | PathLike[str], *, up: str = "y") -> "BodyTrack":
+    def from_trc(cls, file: FileName, *, up: str = "y") -> "BodyTrack":
         """Read all markers of a TRC file, as OpenSim, Pose2Sim and OpenCap write it, in metres.
 
         Empty cells and nan are gaps. Markers without a name are left out, with a warning; so is
@@ -210,9 +207,7 @@ class BodyTrack(ReprMixin):
         cells = [name.strip() for name in _split(lines[3])[2:]]
         columns = [k for k, name in enumerate(cells) if name]
         if not columns:
-            raise FaultyFile(
-                source, ["line 4 must name the markers, behind the frame and the time"]
-            )
+            raise FaultyFile(source, ["line 4 must name the markers, after frame and time"])
         is_packed = any(k % 3 for k in columns)  # without two empty cells behind each name
         places = [*range(len(columns))] if is_packed else [k // 3 for k in columns]
         begin = 4 if lines[4].strip()[:1].isdigit() else 5
@@ -232,7 +227,7 @@ class BodyTrack(ReprMixin):
 
     @classmethod
     @validation.check_arguments
-    def from_mot(cls, file: str | PathLike[str]) -> "BodyTrack":
+    def from_mot(cls, file: FileName) -> "BodyTrack":
         """Read joint angles of a MOT file of OpenSim; angles in degrees become radians.
 
         A file with `inDegrees=yes`, a SIMM header or a note about degrees has degrees in all
@@ -261,9 +256,8 @@ class BodyTrack(ReprMixin):
         if not set(said) <= {"yes", "no"}:
             raise FaultyFile(source, [f"inDegrees is {said[0]!r}: it must be yes or no"])
         notes = ("simmmotionfileheader", "degrees")
-        degrees = "yes" in said or (
-            not said and any(note in line for line in header for note in notes)
-        )
+        noted = any(note in line for line in header for note in notes)
+        degrees = "yes" in said or (not said and noted)
         angles = {
             name: np.radians(column) if degrees and not TRANSLATION.search(name) else column
             for name, column in zip(names[1:], table.T[1:], strict=True)

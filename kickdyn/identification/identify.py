@@ -274,9 +274,8 @@ def _first_guess(problem: _Problem) -> Array:
     launch, noise = _polynomial(problem.track)
     spins = [np.zeros(0)]
     if Free.SPIN in problem.sought:
-        axis = np.cross(
-            launch[3:6], mean_acceleration(problem.track) + np.array([0.0, 0.0, GRAVITY])
-        )
+        of_air = mean_acceleration(problem.track) + np.array([0.0, 0.0, GRAVITY])
+        axis = np.cross(launch[3:6], of_air)
         # spins from which a fit starts [rad/s]
         spins = [size * axis / max(float(np.linalg.norm(axis)), 1e-300) for size in (20.0, 80.0)]
     # first guess of a constant C_D: its value above the drag crisis (Goff & Carre 2009)
@@ -430,9 +429,8 @@ def _profiled(
                 value = result.estimates[j] + distance * deviations[j]
                 targets = np.append(np.zeros(len(prior)), weight * value)
                 try:
-                    _, unknowns = _minimise(
-                        evaluate, unknowns, rows, estimate.used, targets, ftol=PROFILE_COST_TOL
-                    )
+                    used, ftol = estimate.used, PROFILE_COST_TOL
+                    _, unknowns = _minimise(evaluate, unknowns, rows, used, targets, ftol=ftol)
                 except KickdynError:
                     break
                 above = excess(unknowns)

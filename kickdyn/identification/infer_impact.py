@@ -248,9 +248,8 @@ def infer_impact(
     _check_ball(ball)
     for name, state in (("ball_before", ball_before), ("ball_after", ball_after)):
         if state.position.shape != (3,):
-            raise InvalidInput(
-                f"position of {name} has shape {state.position.shape}: it must be one state, (3,)"
-            )
+            shape = state.position.shape
+            raise InvalidInput(f"position of {name} has shape {shape}: it must be one state, (3,)")
     count = posture.leg.nv
     speed = validation.vector("v", v, count, unit="rad/s or m/s")  # type: ignore[arg-type]
     posture.check_velocity(speed)
@@ -365,8 +364,7 @@ def _with_deviations(
     if inferred.approach_speed <= 0.0:
         raise NoImpact(
             f"foot and ball separate at {-inferred.approach_speed:.3g} m/s along the normal "
-            f"{inferred.normal.round(4).tolist()} of this impulse: before an impact they must "
-            "approach each other"
+            f"{inferred.normal.round(4).tolist()} of this impulse: they must approach each other"
         )
     if not len(steps):
         return inferred

@@ -84,10 +84,14 @@ LEVEL = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "centre")
 """The plane at the height of the launch, in which landings are observed."""
 
 
+Command = BallState | KickPlan
+"""A launch at the origin, or a kick of a leg."""
+
+
 class Shot(NamedTuple):
     """A command, and its landing `(2,)` [m], time [s] or track since the kick, or None."""
 
-    command: BallState | KickPlan
+    command: Command
     landing: Array | None
     time: float | None
     track: Track | None
@@ -131,7 +135,7 @@ class Learner(ReprMixin):
             with a wind that is a function, or a leg that cannot kick to the goal.
     """
 
-    command: BallState | KickPlan
+    command: Command
     launch: Launch
     shots: tuple[Shot, ...]
 
@@ -169,9 +173,8 @@ class Learner(ReprMixin):
                 "landings at the height of the launch"
             )
         self.goal, self.ball, self.leg, self._model = goal, ball, leg, air
-        self._first_restitution = validation.number(
-            "restitution", restitution, at_least=0.01, at_most=0.99
-        )
+        restitution = validation.number("restitution", restitution, at_least=0.01, at_most=0.99)
+        self._first_restitution = restitution
         self._friction = validation.number("friction", friction, at_least=0)
         self._ball_height, self._motion = ball_height, motion
         if motion and leg is None:
@@ -340,7 +343,7 @@ class Learner(ReprMixin):
         """Return the logarithm of the launch speed over the commanded speed, without a leg."""
         return math.log((1.0 + float(expit(logit_e))) / (1.0 + self._first_restitution))
 
-    def _launched(self, values: Array, command: BallState | KickPlan) -> BallState:
+    def _launched(self, values: Array, command: Command) -> BallState:
         """Return the launch that a command becomes, at the origin.
 
         The values, shape `(7,)`, are the first four unknowns, the error of the logarithm of the
@@ -356,7 +359,7 @@ class Learner(ReprMixin):
         return BallState(velocity=velocity, spin=state.spin)
 
     def _fly(
-        self, theta: Array, error: Array, command: BallState | KickPlan, end: float | Plane
+        self, theta: Array, error: Array, command: Command, end: float | Plane
     ) -> DifferentiableFlight:
         """Return the flight of a kick with the derivatives by the seven values of `_launched`."""
         values = np.array([*theta[:4], error[0], theta[4] + error[1], theta[5] + error[2]])
@@ -365,9 +368,7 @@ class Learner(ReprMixin):
             values, np.full(7, INCREMENT), self.ball, end, FLIGHT_TOL,
         )  # fmt: skip
 
-    def _landing(
-        self, theta: Array, error: Array, command: BallState | KickPlan
-    ) -> tuple[Array, Array]:
+    def _landing(self, theta: Array, error: Array, command: Command) -> tuple[Array, Array]:
         """Return landing and time of a command, `(3,)` [m, m, s], and derivatives, `(3, 9)`."""
         flight = self._fly(theta, error, command, LEVEL)
         if flight.end <= SHORTEST:
@@ -461,7 +462,5 @@ def _aimed(velocity: Array, errors: ArrayLike) -> Array:
     speed = math.hypot(*velocity) * math.exp(gain)
     elevation = math.atan2(velocity[2], math.hypot(velocity[0], velocity[1])) + up
     azimuth = math.atan2(velocity[1], velocity[0]) + left
-    level = speed * math.cos(elevation)
-    return np.array(
-        [level * math.cos(azimuth), level * math.sin(azimuth), speed * math.sin(elevation)]
-    )
+    level, rise = speed * math.cos(elevation), speed * math.sin(elevation)
+    return np.array([level * math.cos(azimuth), level * math.sin(azimuth), rise])

@@ -125,9 +125,8 @@ def contact_moment(name: str, value: float | Sequence[float] | Track) -> Moment:
 def _from_track(track: Track) -> Moment:
     times = track.times
     if len(track) < 2 * LEAST_SAMPLES:
-        raise InvalidInput(
-            f"track of the ball has {len(track)} samples: at least {2 * LEAST_SAMPLES} are needed"
-        )
+        needed = f"at least {2 * LEAST_SAMPLES} are needed"
+        raise InvalidInput(f"track of the ball has {len(track)} samples: {needed}")
     # the largest change of velocity over the duration of a contact gives its rough place; mean
     # velocities of several samples, so that noise alone is no change
     span = LEAST_SAMPLES - 1
@@ -159,9 +158,8 @@ def _from_track(track: Track) -> Moment:
 def _check_change(size: float, track: Track) -> None:
     if size < LEAST_CHANGE:
         raise InvalidInput(
-            f"the velocity of the ball changes by {size:.2g} m/s at most in its track, from "
-            f"{track.times[0]:.4g} to {track.times[-1]:.4g} s: a kick changes it by "
-            f"{LEAST_CHANGE:g} m/s or more"
+            f"the velocity of the ball changes by {size:.2g} m/s at most from {track.times[0]:.4g} "
+            f"to {track.times[-1]:.4g} s: a kick changes it by {LEAST_CHANGE:g} m/s or more"
         )
 
 
@@ -274,9 +272,7 @@ class LegMotion(ReprMixin):
         """
         contact = self.contact if time is None else contact_moment("time", time)
         if contact is None:
-            raise InvalidInput(
-                "time is None: it must be a time [s], because fit_motion was called without contact"
-            )
+            raise InvalidInput("time is None: it is needed, as fit_motion had no contact")
         moment = contact.time
         window = (self.times < moment - contact.deviation) & (self.times >= moment - CONTACT_WINDOW)
         interval = float(np.median(np.diff(self.times)))
@@ -353,9 +349,7 @@ class LegMotion(ReprMixin):
             ):
                 axes.set_prop_cycle(None)
                 for label, mean, wide in zip(labels, values.T, 1.96 * sigma.T, strict=True):
-                    (line,) = axes.plot(
-                        1e3 * (t - (moment or 0.0)), mean, label=label, linewidth=1.2
-                    )
+                    (line,) = axes.plot(ms, mean, label=label, linewidth=1.2)
                     shade = {"color": line.get_color(), "alpha": 0.25}
                     axes.fill_between(ms, mean - wide, mean + wide, **shade)
             labels = ["_"] * len(names)  # only the first piece has a legend

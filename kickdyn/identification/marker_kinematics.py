@@ -256,10 +256,8 @@ def scaled_leg(
         factors = [1.0, *scales]  # of the base, then of the joints
         carriers = [leg.workspace.model.frames[frame].parentJoint for frame, _ in places.values()]
         displaced = [
-            Marker(frame, factors[joint] * point + offset)
-            for (frame, point), joint, offset in zip(
-                places.values(), carriers, offsets, strict=True
-            )
+            Marker(place.frame, factors[joint] * place.point + offset)
+            for place, joint, offset in zip(places.values(), carriers, offsets, strict=True)
         ]
         if float(np.abs(step).max()) < (SMALL_STEP if count else 1e-13):
             break
@@ -281,9 +279,8 @@ def place_deviation(fitted: FittedLeg, measured: Array, frames: Mapping[int, Sol
     for row, (k, start) in enumerate(frames.items()):
         frame = kinematics.solve(start.q, measured[k], start.seen)
         kinematics.markers(frame.q, frame.seen)
-        for number, missed in zip(
-            np.flatnonzero(frame.seen), frame.missed.reshape(-1, 3), strict=True
-        ):
+        numbers = np.flatnonzero(frame.seen)
+        for number, missed in zip(numbers, frame.missed.reshape(-1, 3), strict=True):
             residuals[row, number] = kinematics.data.oMf[places[number].frame].rotation.T @ missed
     seen = np.isfinite(residuals[..., 0]).sum(axis=0)
     residuals, seen = residuals[:, seen > 1], seen[seen > 1, None]
@@ -335,9 +332,8 @@ def _scaled_model(leg: Leg, scales: Array) -> Any:
     for joint in range(1, model.njoints):
         model.jointPlacements[joint].translation *= factors[model.parents[joint]]
         size, inertia = factors[joint], model.inertias[joint]
-        model.inertias[joint] = pin.Inertia(
-            inertia.mass, size * inertia.lever, size**2 * inertia.inertia
-        )
+        lever, moments = size * inertia.lever, size**2 * inertia.inertia
+        model.inertias[joint] = pin.Inertia(inertia.mass, lever, moments)
     for frame in model.frames:
         placement = frame.placement.copy()
         placement.translation = placement.translation * factors[frame.parentJoint]

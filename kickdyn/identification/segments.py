@@ -132,8 +132,7 @@ def segments(
         lowest = int(np.argmin(heights))
         raise InvalidInput(
             f"the ball is at {heights[lowest]:.4g} m at {track.times[lowest]:.10g} s, under the "
-            f"ground at {level:g} m: z must point up; if the ground is lower, give its height "
-            "(--ground-height)"
+            f"ground at {level:g} m: z must point up, or the ground is lower (--ground-height)"
         )
     noise = max(_noise(track), LEAST_NOISE)
     indices = _without_spikes(track, noise)
@@ -189,9 +188,8 @@ def _fitted(samples: _Samples, first: int, last: int, degree: int) -> _Piece:
     """Return polynomials of a degree, or of the highest that the samples allow, fitted to them."""
     times, points = samples.times[first:last], samples.positions[first:last]
     middle = 0.5 * float(times[0] + times[-1])
-    fit = np.asarray(
-        polynomial.polyfit(times - middle, points, min(degree, last - first - 1)), dtype=float
-    )
+    degree = min(degree, last - first - 1)
+    fit = np.asarray(polynomial.polyfit(times - middle, points, degree), dtype=float)
     residuals = (polynomial.polyval(times - middle, fit).T - points) / samples.noise
     return _Piece(first, last, middle, fit, float((residuals**2).sum()))
 

@@ -11,8 +11,6 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.util import find_spec
-from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar
 from zipfile import BadZipFile
@@ -21,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kickdyn.core import validation
-from kickdyn.core.files import check_file, read_text
+from kickdyn.core.files import FileName, check_file, read_text
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality, warned
 from kickdyn.core.validation import Array, ArrayLike
@@ -163,9 +161,7 @@ class Track(ValueEquality, ReprMixin):
     def __getitem__(self, index: slice) -> "Track":
         """Return a part of the track; raise `InvalidInput` unless it is a slice with a sample."""
         if not isinstance(index, slice):
-            raise InvalidInput(
-                f"track[{index!r}]: a part of a track is a slice such as track[10:60]"
-            )
+            raise InvalidInput(f"track[{index!r}]: a part of a track is a slice, track[10:60]")
         return Track(self.times[index], self.positions[index])
 
     @property
@@ -176,9 +172,7 @@ class Track(ValueEquality, ReprMixin):
     @classmethod
     @validation.check_arguments
     @_long_fields()
-    def from_csv(
-        cls, file: str | PathLike[str], columns: Sequence[str] = ("t", "x", "y", "z")
-    ) -> "Track":
+    def from_csv(cls, file: FileName, columns: Sequence[str] = ("t", "x", "y", "z")) -> "Track":
         """Read a track from a file of values in columns, below a row that names the columns.
 
         Commas, semicolons, tabs or blanks stand between the values. Decimals may have a comma where
@@ -217,7 +211,7 @@ class Track(ValueEquality, ReprMixin):
 
     @classmethod
     @validation.check_arguments
-    def from_c3d(cls, file: str | PathLike[str], marker: str | None = None) -> "Track":
+    def from_c3d(cls, file: FileName, marker: str | None = None) -> "Track":
         """Read a track from a C3D file of a motion capture system, in metres by its unit.
 
         Needs ezc3d, `pip install "kickdyn[c3d]"`. Frames without the marker are left out.
@@ -259,9 +253,8 @@ def _read_rows(lines: Sequence[str], names: Sequence[str]) -> tuple[Array, list[
     if not columns:
         top = lines[:MOST_TITLES]
         rows = [cells_of(line, mark) for line in top for mark in SEPARATORS]
-        shown = next(
-            (row for row in rows if len(row) >= len(names)), max(rows, key=len, default=[])
-        )
+        longest = max(rows, key=len, default=[])
+        shown = next((row for row in rows if len(row) >= len(names)), longest)
         raise InvalidInput(
             f"{validation.brief(shown)} does not name the columns: between commas, semicolons, "
             f"tabs or blanks, a row must name {', '.join(map(repr, names))} once each, alone or "
@@ -276,9 +269,8 @@ def _read_rows(lines: Sequence[str], names: Sequence[str]) -> tuple[Array, list[
         if is_gap or row[0].startswith(("#", "%")):
             continue
         if number == first + 1:
-            given = [
-                known.get(x.strip("[]()").lower()) for x, known in zip(cells, UNITS, strict=True)
-            ]
+            words = [cell.strip("[]()").lower() for cell in cells]
+            given = [known.get(word) for word, known in zip(words, UNITS, strict=True)]
             if None not in given:
                 units = [unit or 1.0 for unit in given]
                 continue
@@ -427,17 +419,14 @@ def _within_reach(times: Array, positions: Array, missing: NDArray[np.bool_]) ->
     return within
 
 
-def c3d_content(file: str | PathLike[str]) -> tuple[list[str], float, float, int, Array]:
+def c3d_content(file: FileName) -> tuple[list[str], float, float, int, Array]:
     """Return labels, unit [m], rate [Hz], first frame and positions `(markers, n, 3)` of a C3D.
 
     Gaps are NaN. A child process reads the file, because on damaged ones ezc3d may crash, take all
     memory, or never end. With `-P` it imports nothing from the working directory.
     """
     source = str(file)
-    if find_spec("ezc3d") is None:
-        raise InvalidInput(
-            'C3D files need the package ezc3d: install it with pip install "kickdyn[c3d]"'
-        )
+    validation.check_installed("ezc3d", "c3d", "C3D files")
     check_file(file, source, LARGEST_FILE, FaultyFile)
     code = f"from {__name__} import _send_c3d; _send_c3d()"
     paths = os.pathsep.join(filter(None, sys.path))

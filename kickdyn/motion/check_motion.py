@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import xarray as xr
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.files import finite
+from kickdyn.core.files import attributes, plain
 from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays, warned
 from kickdyn.core.validation import Array
@@ -152,9 +151,7 @@ class MotionCheck(ReprMixin):
     def to_json(self) -> dict[str, Any]:
         """Return the best frame, launches and broken limits for JSON, with null for nan."""
         table, best, statuses = self.launches, self.best, list(StrikeStatus)
-        columns = {
-            name: [finite(x) for x in table[name].values.tolist()] for name in ("time", *SCALARS)
-        }
+        columns = {name: plain(table[name].values) for name in ("time", *SCALARS)}
         best_frame: dict[str, Any] | None = None
         if best is not None:
             joint, impulse = self.worst_joint(best)
@@ -165,8 +162,7 @@ class MotionCheck(ReprMixin):
             "best": best_frame,
             "launches": columns,
             "status": [str(statuses[k]) for k in table.status.values],
-            "broken": [limit._asdict() for limit in self.broken],
-            "warnings": list(self.warnings),
+            **attributes(self, "broken warnings"),
         }
 
 
@@ -209,14 +205,8 @@ def check_motion(
         InvalidInput: a motion of another robot, a number out of range, or the package casadi is
             not installed (`pip install "kickdyn[motion]"`).
     """
-    if find_spec("casadi") is None:
-        raise InvalidInput(
-            'limits of motions need the package casadi: pip install "kickdyn[motion]" installs it'
-        )
-    from kickdyn.motion.limits import (
-        FRICTION,  # it imports CasADi
-        margins_of,
-    )
+    validation.check_installed("casadi", "motion", "limits of motions")
+    from kickdyn.motion.limits import FRICTION, margins_of  # it imports CasADi
 
     recorded, contact = as_recorded(motion), contact or Contact()
     if recorded.leg.joint_names != robot.joint_names or recorded.leg.nq != robot.nq:

@@ -140,9 +140,7 @@ def impact_target_for(
     impulse, spin = ball.mass * (velocity - before.velocity), spin - before.spin
     size, turn = math.hypot(*impulse), math.hypot(*spin)
     if not size > 1e-9 * ball.mass * math.hypot(*velocity):
-        raise InvalidInput(
-            "the ball already has the velocity that it needs: there is nothing to strike"
-        )
+        raise InvalidInput("the ball has the velocity that it needs: there is nothing to strike")
     along = impulse / size
     normal = along
     if turn > 0.0:

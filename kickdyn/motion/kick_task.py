@@ -214,9 +214,8 @@ def limits_on_both(task: KickTask) -> tuple[list[Limit], list[Limit]]:
     standing, other = task.standing, task.other
     assert standing is not None
     assert other is not None
-    of_support = [
-        limit for limit in limits_of(task)[0] if not isinstance(limit, Clearance | Apart | Pressure)
-    ]
+    limits, _ = limits_of(task)
+    of_support = [x for x in limits if not isinstance(x, Clearance | Apart | Pressure)]
     return of_support, ground_limits(other, _friction(standing), INSIDE)
 
 
@@ -234,19 +233,17 @@ class ImpactRows(NamedTuple):
     ball_centre: Any  # likewise of q: the centre of the ball that the foot touches
 
 
-def impact_rows(
-    task: KickTask, tree: SymbolicTree, at_rest: Any, limits: Sequence[Impulse]
-) -> ImpactRows:
+def impact_rows(task: KickTask, tree: SymbolicTree, rest: Any, limits: list[Impulse]) -> ImpactRows:
     """Return the rows of the impact, with `limits` of the ground's impulse.
 
-    `at_rest` is q of all joints, in which those that move have the symbols of the `tree`.
+    `rest` is q of all joints, in which those that move have the symbols of the `tree`.
     """
     target, leg, model = task.target, task.leg, task.whole.model
     ball, normal, impulse = target.ball, target.contact.normal, target.impulse
     q, v, jump = tree.q, tree.v, ca.SX.sym("jump", tree.model.nv)
     of_whole = ca.SX.sym("of_whole", model.nv)
     share, none = ca.SX.sym("share"), ca.SX(0, 1)
-    every = SymbolicTree(model, (at_rest, ca.SX(model.nv, 1), of_whole))
+    every = SymbolicTree(model, (rest, ca.SX(model.nv, 1), of_whole))
     needed, reaction = every.inverse_dynamics(gravity=False)
     moving = [task.whole.velocity_index(name) for name in leg.joint_names]
     lever = leg.posture(leg.configuration()).with_contact_offset(target.contact.offset)

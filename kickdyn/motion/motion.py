@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from kickdyn.core import validation
+from kickdyn.core.files import FileName
 from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
@@ -262,7 +263,7 @@ class Motion(ReprMixin):
         states = (np.array(rows) for rows in zip(*map(self.state, t), strict=True))
         return MotionSamples(self.robot, rate, t, *states)
 
-    def save(self, file: str | os.PathLike[str], rate: float = 100.0) -> None:
+    def save(self, file: FileName, rate: float = 100.0) -> None:
         """Write the motion for other programs, in the format of the file's ending.
 
         Rows of `.csv` (without a header) are the position of a floating base [m, world frame], its

@@ -6,7 +6,6 @@ ROS 2 in YAML, and keyframes of MuJoCo.
 
 import json
 import math
-import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,9 +14,9 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.core.files import replacing
+from kickdyn.core.files import FileName, checked_ending, replacing
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput, shortened
+from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mjcf_file import MjcfFile
 from kickdyn.robot.mjcf_model import mujoco_state
@@ -121,22 +120,16 @@ def ranges_of(leg: Leg, names: Iterable[str]) -> Array:
     return np.array([endless if name in turning else leg.joint_range(name) for name in names])
 
 
-def write_motion(samples: MotionSamples, file: str | os.PathLike[str]) -> None:
+def write_motion(samples: MotionSamples, file: FileName) -> None:
     """Write a motion in the format of the file's ending, one of `WRITERS`."""
     writer = check_motion_name(file)
     with replacing(file) as draft:
         writer(samples, draft)
 
 
-def check_motion_name(file: str | os.PathLike[str]) -> Callable[[MotionSamples, Path], None]:
+def check_motion_name(file: FileName) -> Callable[[MotionSamples, Path], None]:
     """Return the writer for the ending of a file; raise `InvalidInput` if there is none."""
-    ending = Path(file).suffix.lower()
-    if ending not in WRITERS:
-        raise InvalidInput(
-            f"{shortened(str(file))} has the extension {ending!r}: a motion is written as "
-            f"{', '.join(WRITERS)}"
-        )
-    return WRITERS[ending]
+    return WRITERS[checked_ending(file, WRITERS, "a motion is written as")]
 
 
 def _write_csv(samples: MotionSamples, file: Path) -> None:
@@ -193,9 +186,8 @@ def _write_keyframes(samples: MotionSamples, file: Path) -> None:
     for number, (time, q, v) in enumerate(zip(samples.t, samples.q, samples.v, strict=True)):
         qpos, qvel = mujoco_state(model, q, v, compiled)
         name = quoteattr(f"kick {number}")
-        lines.append(
-            f'    <key name={name} time="{float(time)!r}" qpos="{_row(qpos)}" qvel="{_row(qvel)}"/>'
-        )
+        state = f'qpos="{_row(qpos)}" qvel="{_row(qvel)}"'
+        lines.append(f'    <key name={name} time="{float(time)!r}" {state}/>')
     lines += ["  </keyframe>", "</mujoco>"]
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 

@@ -119,9 +119,8 @@ class MotionProblem:
             self._among_all(at_rest, tree.q), self._among_all(still, tree.v),
             self._among_all(still, tree.a),
         ]  # fmt: skip
-        self._resting_torque = SymbolicTree(whole.model, states).inverse_dynamics()[0][
-            self._resting
-        ]
+        torques, _ = SymbolicTree(whole.model, states).inverse_dynamics()
+        self._resting_torque = torques[self._resting]
         self._weight = sum(body.mass for body in model.inertias) * 9.81
         scale = np.asarray(model.effortLimit)
         if task.standing is not None:
@@ -346,10 +345,8 @@ class MotionProblem:
         if start.linearized is not None:  # without the mean, two solutions can alternate for ever
             reference = (reference + start.linearized) / 2
         # forces change by joints at rest that gave way; torques of these follow, without a scale
-        after, unchanged = (
-            self.all_forces(self.states(times, reference, share)) for share in (start.share, 0.0)
-        )
-        changes = np.asarray(after - unchanged)
+        given, none = (self.states(times, reference, share) for share in (start.share, 0.0))
+        changes = np.asarray(self.all_forces(given) - self.all_forces(none))
         blocks = [*self._blocks(times, changes), *map(self._block_apart, apart)]
         most = np.full(to_speeds.shape[0], 1.0 - SpeedLimit.reserve)
         lower = [np.tile(block.rows.lower, len(block.weights)) for block in blocks]
@@ -382,9 +379,8 @@ class MotionProblem:
             lam_g0=multipliers,
             lam_x0=bounds,
         )  # fmt: skip
-        x, rows, multipliers, bounds = (
-            np.asarray(end[name]).ravel() for name in ("x", "g", "lam_g", "lam_x")
-        )
+        names = "x", "g", "lam_g", "lam_x"
+        x, rows, multipliers, bounds = (np.asarray(end[name]).ravel() for name in names)
         sizes = [len(most), *map(len, lower), size]
         feasible = bool(np.abs(rows - np.clip(rows, lowest, highest)).max() <= TOLERANCE)
         coefficients, share = x[:last].reshape(splines.size, n), float(x[last])
@@ -491,9 +487,8 @@ class MotionProblem:
         for i, (label, unit) in enumerate(self._on_path):
             add(label, duals.points[:, i], 0.01 if unit == "m" else 0.1)
         labels = [label for limit in self.impulse_limits for label in limit.labels]
-        for label, value in zip(
-            labels, duals.impact[len(duals.impact) - len(labels) :], strict=True
-        ):
+        of_ground = duals.impact[len(duals.impact) - len(labels) :]
+        for label, value in zip(labels, of_ground, strict=True):
             add(label, value)
         for conditions in duals.apart:
             add(self.surroundings.label(conditions.joints), conditions.multipliers, 0.01)

@@ -197,9 +197,8 @@ def taken_over(
     `empty` are those of a solution without any, of the sizes that the problem has, with one row of
     `points`. The bounds of the `forces` of a point have the last columns of `points`.
     """
-    duals = start.multipliers or empty._replace(
-        points=np.zeros((sum(map(len, start.times)), empty.points.shape[1]))
-    )
+    shape = sum(map(len, start.times)), empty.points.shape[1]
+    duals = start.multipliers or empty._replace(points=np.zeros(shape))
     distance = np.abs(np.concatenate(start.times)[None] - moments[:, None])
     same = distance.min(axis=1) < SAME_TIME
     points = np.where(same[:, None], duals.points[distance.argmin(axis=1)], 0.0)
@@ -304,9 +303,8 @@ class SymbolicTree:
 def _body_force(body: Any, turning: Any, turned: Any, moved: Any) -> tuple[Any, Any]:
     """Return force and moment about the joint's origin that move a body, in its joint's axes."""
     centre, inertia = ca.DM(body.lever), ca.DM(body.inertia)
-    force = body.mass * (
-        moved + ca.cross(turned, centre) + ca.cross(turning, ca.cross(turning, centre))
-    )
+    inward = ca.cross(turning, ca.cross(turning, centre))
+    force = body.mass * (moved + ca.cross(turned, centre) + inward)
     moment = inertia @ turned + ca.cross(turning, inertia @ turning)
     return force, moment + ca.cross(centre, force)
 

@@ -42,7 +42,7 @@ def frames_of(leg: Leg, joints: Sequence[int]) -> list[str]:
 
 
 def limbs_aside(
-    task: KickTask, leg: Leg, postures: Array, limbs: Sequence[Sequence[int]]
+    task: KickTask, leg: Leg, postures: Array, limbs: list[list[int]]
 ) -> dict[str, float]:
     """Return angles of the joints of limbs that are in the way of postures `(k, nq)`, by name.
 
@@ -295,7 +295,7 @@ class _Search:
         self._work.left -= joints * solution.iterations
         return solution
 
-    def put_aside(self, solution: Solution, whole: Leg, limbs: Sequence[Sequence[int]]) -> None:
+    def put_aside(self, solution: Solution, whole: Leg, limbs: list[list[int]]) -> None:
         """Put the limbs aside that the motion of a solution would hit."""
         task, splines = self.problem.task, self.problem.splines
         count = ASIDE_TIMES // len(splines.grids)

@@ -13,9 +13,9 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from kickdyn.core import validation
-from kickdyn.core.files import check_file, read_text
+from kickdyn.core.files import FileName, check_file, checked_ending, read_text
 from kickdyn.core.validation import Array
-from kickdyn.errors import FaultyFile, InvalidInput, shortened
+from kickdyn.errors import FaultyFile, InvalidInput
 from kickdyn.motion.motion_file import configurations, file_joints, ranges_of
 from kickdyn.motion.recorded_motion import LEAST_FRAMES, WINDOW, RecordedMotion, record
 from kickdyn.robot.leg import Leg
@@ -47,7 +47,7 @@ class MotionTable(NamedTuple):
         return FaultyFile(self.source, [text])
 
 
-def _read_csv(file: str | os.PathLike[str], source: str) -> MotionTable:
+def _read_csv(file: FileName, source: str) -> MotionTable:
     text = read_text(file, source, LARGEST, FaultyFile)
     if not text.strip():
         raise FaultyFile(source, ["is empty"])
@@ -69,7 +69,7 @@ def _read_csv(file: str | os.PathLike[str], source: str) -> MotionTable:
     return MotionTable(source, _finite(table, source, ""), names=names if has_header else ())
 
 
-def _read_npz(file: str | os.PathLike[str], source: str) -> MotionTable:
+def _read_npz(file: FileName, source: str) -> MotionTable:
     check_file(file, source, LARGEST, FaultyFile)
     try:
         # NumPy leaves a damaged file open that it has opened itself
@@ -120,7 +120,7 @@ def _finite(table: Array, source: str, name: str) -> Array:
     return table
 
 
-READERS: dict[str, Callable[[str | os.PathLike[str], str], MotionTable]] = {
+READERS: dict[str, Callable[[FileName, str], MotionTable]] = {
     ".csv": _read_csv,
     ".npz": _read_npz,
 }
@@ -151,7 +151,7 @@ ROUNDED = 1e-6
 
 @validation.check_arguments
 def read_motion(
-    file: str | os.PathLike[str],
+    file: FileName,
     robot: Leg,
     *,
     rate: float | None = None,
@@ -192,20 +192,14 @@ def read_motion(
     if quaternion not in ("xyzw", "wxyz"):
         raise InvalidInput(f"quaternion is {quaternion!r}: it must be xyzw or wxyz")
     names = file_joints(robot)
-    ending = Path(file).suffix.lower()
-    if ending not in READERS:
-        raise InvalidInput(
-            f"{shortened(str(file))} has the extension {ending!r}: a motion is read from "
-            f"{' and '.join(READERS)} files"
-        )
+    ending = checked_ending(file, READERS, "a motion is read from")
     table = _with_root(READERS[ending](file, str(file)), robot, len(names))
     if len(table.joints) < LEAST_FRAMES:
         raise table.fault(f"has {len(table.joints)} frames: a motion needs at least {LEAST_FRAMES}")
     if rate is None and table.rate is None:
         raise InvalidInput("rate is None: the file does not have it, so give the frames' rate [Hz]")
-    rate = validation.number(
-        "rate", table.rate if rate is None else rate, above=0, at_most=1e5, unit="Hz"
-    )
+    rate = table.rate if rate is None else rate
+    rate = validation.number("rate", rate, above=0, at_most=1e5, unit="Hz")
     t = np.arange(len(table.joints)) / rate if table.t is None else table.t
     if not np.allclose(np.diff(t), 1.0 / rate, rtol=0.01):
         raise table.fault(
@@ -215,9 +209,8 @@ def read_motion(
     if table.rate is not None and not math.isclose(rate, table.rate, rel_tol=0.01):
         raise table.fault(f"has frames at {table.rate:g} Hz, and rate is {rate:g} Hz: leave it out")
     if contact is not None:
-        contact = validation.number(
-            "contact", contact, at_least=float(t[0]), at_most=float(t[-1]), unit="s"
-        )
+        begin, end = float(t[0]), float(t[-1])
+        contact = validation.number("contact", contact, at_least=begin, at_most=end, unit="s")
     elif t[0] < 0.0 < t[-1]:
         contact = 0.0
     order = _order(robot, joints, table)

@@ -12,6 +12,7 @@ in the axes of the base.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -129,9 +130,8 @@ def record(
     if window % 2 == 0:
         raise InvalidInput(f"window is {window}: it must be odd, so that a frame is in its middle")
     split = len(t) if contact is None else int((t <= contact + 1e-6 / rate).sum())
-    pieces = [
-        piece for piece in (slice(0, split), slice(split, len(t))) if piece.start < piece.stop
-    ]
+    sides = slice(0, split), slice(split, len(t))
+    pieces = [piece for piece in sides if piece.start < piece.stop]
     for piece, side in zip(pieces, ("before", "after"), strict=False):
         if (count := piece.stop - piece.start) < window:
             where = f" {side} the impact" if len(pieces) > 1 else ""
@@ -148,9 +148,8 @@ def record(
         moved[:, 3 : root.shape[1]] *= 2.0  # of a quaternion, half the angle
         smoothing += _largest("position", moved, leg, t)
         smoothing += _largest("velocity", changed, leg, t)
-    return RecordedMotion(
-        leg, rate, np.array(t), np.array(q), v, a, contact, tuple(smoothing), warnings
-    )
+    t, q = np.array(t), np.array(q)
+    return RecordedMotion(leg, rate, t, q, v, a, contact, tuple(smoothing), warnings)
 
 
 def _derivatives(
@@ -159,10 +158,8 @@ def _derivatives(
     """Return smoothed frames, v and a, of base (position, quaternion) and joints in columns."""
     orders = np.zeros((3, *frames.shape))
     for piece in pieces:
-        for order in range(3):
-            orders[order, piece] = savgol_filter(
-                frames[piece], window, DEGREE, order, 1.0 / rate, axis=0
-            )
+        fit = partial(savgol_filter, frames[piece], window, DEGREE, delta=1.0 / rate, axis=0)
+        orders[:, piece] = [fit(deriv=order) for order in range(3)]
     smooth, v, a = orders
     if not floats:
         return smooth, v, a

@@ -124,9 +124,8 @@ class Verdict:
         depths = (gap.place.depth for gaps in self.nearness.gaps for gap in gaps)
         self.deepest = max(depths, default=0.0)
         least = np.concatenate([[0.0], self.rows.min(axis=0), self.impulse + 1e-6])
-        self.broken = max(
-            -float(least.min()), self.deepest - ALLOWED, 0.0 if solution.feasible else UNSOLVED
-        )
+        unsolved = 0.0 if solution.feasible else UNSOLVED
+        self.broken = max(-float(least.min()), self.deepest - ALLOWED, unsolved)
 
     def add_points(self, points: list[Array]) -> list[Array]:
         """Return times with those added at which a row is nearest to its limit."""
@@ -153,9 +152,8 @@ class Verdict:
             if self.rows[worst, row] < 0.0:
                 breach = limit.breach(label, float(self.rows[worst, row]))
                 lines.append(f"{breach}, {when(times[worst])}")
-        for margin, (_, label) in zip(
-            self.impulse.tolist(), self._labels(problem.impulse_limits), strict=True
-        ):
+        labels = self._labels(problem.impulse_limits)
+        for margin, (_, label) in zip(self.impulse.tolist(), labels, strict=True):
             if margin < -1e-6:
                 lines.append(f"{label} is beyond its limit by {-margin:.2g}")
         if not solution.feasible:

@@ -130,7 +130,6 @@ def _corrected(leg: Leg, q: Array, point: Array) -> Posture | None:
         astray = point - posture.contact_point
         if np.abs(astray).max() <= TOLERANCE * np.abs(posture.jacobian).max():
             return posture
-        q = pin.integrate(
-            leg.workspace.model, q, np.linalg.lstsq(posture.jacobian, astray, rcond=1e-9)[0]
-        )
+        step = np.linalg.lstsq(posture.jacobian, astray, rcond=1e-9)[0]
+        q = pin.integrate(leg.workspace.model, q, step)
     return None

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 
-from kickdyn.core.files import finite
+from kickdyn.core.files import plain
 
 MEASURED = 0.1
 """How near our number must be to one of the test bed, or of its simulation, relative."""
@@ -80,7 +80,7 @@ class Item:
         """Return plain values, as documented for `--json`."""
         values = asdict(self) | {
             "item": f"{self.item} [{self.variant}]" if self.variant else self.item,
-            "ours": finite(self.ours),
+            "ours": plain(self.ours),
             "relative_error": self.relative_error,
         }
         del values["variant"]

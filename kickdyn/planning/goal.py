@@ -141,9 +141,8 @@ class Goal(ReprMixin):
         if not size <= FARTHEST:
             raise InvalidInput(f"target is {size:g} m away: at most {FARTHEST:g} m")
         if not level >= max(1e-3 * size, 1e-6):
-            raise InvalidInput(
-                f"target is {point.tolist()}: it must not be straight above or below the ball"
-            )
+            where = "straight above or below the ball"
+            raise InvalidInput(f"target is {point.tolist()}: it must not be {where}")
         named = {"time": time, "apex": apex, "speed": speed, "over": over}
         chosen = [name for name, value in named.items() if value is not None]
         if len(chosen) != 1:

@@ -84,9 +84,8 @@ class IncomingBall(ReprMixin):
         validation.check_type(Ground, type(None), ground=ground)
         if np.ndim(state.time):
             raise InvalidInput("incoming has several states: it must be one BallState")
-        validation.number(
-            "speed of the incoming ball", state.speed, at_most=FASTEST_BALL, unit="m/s"
-        )
+        speed, most = state.speed, FASTEST_BALL
+        validation.number("speed of the incoming ball", speed, at_most=most, unit="m/s")
         place: float | Array | None = None
         if meet_at is not None:
             point = validation.floats("meet_at", meet_at, unit="s, of a place m")
@@ -118,15 +117,12 @@ class IncomingBall(ReprMixin):
                 height = min(_level_under(leg), lowest)
             ground = Ground(height, "turf")
         elif ground.surface is None:
-            raise InvalidInput(
-                "the ground has no surface: name one, such as Ground(surface='turf')"
-            )
+            raise InvalidInput("the ground has no surface: name one, Ground(surface='turf')")
         if lowest < ground.height - IN_GROUND:
             raise InvalidInput(
                 f"the incoming ball is {ground.height - lowest:.3g} m in the ground: its centre is "
-                f"at z = {self.state.position[2]:.4g} m and must be at least at "
-                f"{ground.height + ball.radius:.4g} m, its radius above the ground at "
-                f"{ground.height:.4g} m"
+                f"at z = {self.state.position[2]:.4g} m, and on the ground it is at "
+                f"{ground.height + ball.radius:.4g} m"
             )
         return IncomingBall(self.state, ground, self.meet_at)
 

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -153,9 +152,8 @@ def plan_kick(
     """
     leg = checked_leg(leg)
     if motion not in (True, False, BOTH_FEET):
-        raise InvalidInput(
-            f"motion is {validation.brief(motion)}: it must be True, False or {BOTH_FEET!r}"
-        )
+        shown = validation.brief(motion)
+        raise InvalidInput(f"motion is {shown}: it must be True, False or {BOTH_FEET!r}")
     named = checked_objective(objective, limits=limits, motion=bool(motion))
     contact, position = checked_contact(contact), _checked_ball_position(ball_position)
     settings = KickSettings(leg, goal, ball, air, contact, named, limits, surface)
@@ -252,14 +250,9 @@ def _path_like(plan: KickPlan, impact: Impact) -> Flight | Course:
     return path_to_target(impact, plan.aim, flight.air, surface)
 
 
-def _plan_motion(
-    problem: KickProblem, near: Motion | None = None, *, both_feet: bool = False
-) -> Chosen:
+def _plan_motion(problem: KickProblem, near: Motion | None = None, *, both_feet: bool) -> Chosen:
     """Return the state at the impact that a motion from rest to rest contains."""
-    if find_spec("casadi") is None:
-        raise InvalidInput(
-            'motions need the package casadi: install it with pip install "kickdyn[motion]"'
-        )
+    validation.check_installed("casadi", "motion", "motions")
     from kickdyn.motion.limits import SpeedLimit, TorqueLimit  # these import CasADi
     from kickdyn.motion.plan_motion import plan_motion
 
@@ -323,7 +316,6 @@ def _checked_ball_position(position: ArrayLike | None) -> float | Array | None:
     if place.shape not in ((), (3,)):
         raise InvalidInput(f"ball_position has shape {place.shape}: it must be a height or (3,)")
     if np.abs(place).max() > FARTHEST_BALL:
-        raise InvalidInput(
-            f"ball_position is {place.tolist()} m: it must be within {FARTHEST_BALL:g} m"
-        )
+        most = f"at most {FARTHEST_BALL:g} m along each axis"
+        raise InvalidInput(f"ball_position is {place.tolist()} m: {most}")
     return place if place.shape else float(place)

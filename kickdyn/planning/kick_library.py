@@ -7,7 +7,6 @@ cell is halved, and at last not covered. `KickReader` has the interpolation and 
 """
 
 import math
-import os
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -24,6 +23,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
+from kickdyn.core.files import FileName, attributes, checked_ending
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
@@ -66,7 +66,7 @@ Progress = Callable[[str, int, int], None]
 @validation.check_arguments
 def kick_library(
     robot: Leg,
-    file: str | os.PathLike[str],
+    file: FileName,
     ball: Ball | None = None,
     *,
     speed: Range | None = None,
@@ -108,8 +108,7 @@ def kick_library(
         Unfinished: interrupted by Ctrl-C, a full disk or lost workers.
     """
     path = Path(file)
-    if path.suffix != ".npz":
-        raise InvalidInput(f"{path.name} has the extension {path.suffix!r}: it must be .npz")
+    checked_ending(path, (".npz",), "a library is written as")
     given, contact = contact, checked_contact(contact)
     named = {"speed": speed, "elevation": elevation, "azimuth": azimuth, "x": x, "y": y}
     ranges = {name: _checked_range(name, value) for name, value in named.items()}
@@ -149,9 +148,7 @@ def _checked_range(name: str, value: Range | None) -> tuple[float, float] | None
     for each in pair:
         validation.number(name, each, above=above, unit=UNITS[name])
         if abs(each) > most:
-            raise InvalidInput(
-                f"{name} is {each:g} rad: at most {most:.4g} (angles are in radians)"
-            )
+            raise InvalidInput(f"{name} is {each:g} rad: at most {most:.4g}, in radians")
     return float(pair[0]), float(pair[-1])
 
 
@@ -166,7 +163,7 @@ class KickLibrary(ReprMixin):
         reader: of the file, on NumPy alone.
     """
 
-    def __init__(self, file: str | os.PathLike[str], robot: Leg) -> None:
+    def __init__(self, file: FileName, robot: Leg) -> None:
         try:
             self.reader = read_kicks(file)
         except FileNotFoundError:
@@ -230,9 +227,8 @@ class KickLibrary(ReprMixin):
         for name, low, high in zip(AXES, self.reader.lower, self.reader.upper, strict=True):
             pair = ranges.get(name)
             if pair is not None and not np.allclose(pair, (low, high)):
-                raise InvalidInput(
-                    f"{name} is {_shown(name, *pair)}: {exists} {_shown(name, low, high)}"
-                )
+                wanted, has = _shown(name, *pair), _shown(name, low, high)
+                raise InvalidInput(f"{name} is {wanted}: {exists} {has}")
         for name, value, stored, unit in (
             ("mass of the ball", ball and ball.mass, a["ball"][0], "kg"),
             ("radius of the ball", ball and ball.radius, a["ball"][1], "m"),
@@ -435,13 +431,8 @@ class LibraryKick(ReprMixin):
 
     def to_json(self) -> dict[str, Any]:
         """Return the launch, the place of the ball and the margins."""
-        return {
-            "met": self.met,
-            "reason": self.reason,
-            **{name: float(value) for name, value in zip(AXES, self.point, strict=True)},
-            "heading": self.heading,
-            "margins": self.margins,
-        }
+        place = dict(zip(AXES, self.point.tolist(), strict=True))
+        return attributes(self, "met reason heading margins") | place
 
     @property
     def met(self) -> bool:

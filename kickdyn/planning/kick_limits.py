@@ -143,8 +143,7 @@ def check_limits(variables: KickVariables) -> None:
             name = variables.names[int(np.argmin(limit > 0.0))]
             raise InvalidInput(
                 f"{what} limit of {name} is {limit.min():g}: it must be above 0 (Leg.with_drives, "
-                "--drives FILE), or, without a motion, all limits lifted (limits=False, "
-                "--no-limits)"
+                "--drives FILE), or, without a motion, lifted (limits=False, --no-limits)"
             )
 
 
@@ -326,9 +325,7 @@ class Upright(StanceTerm):
     """The trunk's tilt is at most `TILT`: the cosine of its tilt less the cosine of `TILT`."""
 
     scale = 1.0 - math.cos(TILT)
-    explanation = (
-        f"it has one if its trunk may be more than {math.degrees(TILT):.0f} deg from upright"
-    )
+    explanation = f"it has one if its trunk may lean by more than {math.degrees(TILT):.0f} deg"
 
     def __init__(self, standing: StandingRobot) -> None:
         self._joint, self._axis = standing.trunk_joint, standing.trunk_axis

@@ -118,9 +118,7 @@ class KickPlan(ReprMixin):
                 `plan_kick`.
         """
         if self._again is None or self.meeting is None:
-            raise InvalidInput(
-                "the plan is for a ball at rest: replan needs plan_kick(..., incoming=)"
-            )
+            raise InvalidInput("the ball is at rest: replan needs plan_kick(..., incoming=)")
         validation.check_type(BallState, IncomingBall, incoming=incoming)
         ground = self.meeting.ground
         seen = incoming if isinstance(incoming, BallState) else incoming.state
@@ -151,10 +149,20 @@ class KickPlan(ReprMixin):
                 yield "target in the world frame", self.target_position, "m"
             if self.share < 1.0:
                 yield "share of the change of velocity", self.share, ""
-        yield "posture", self.q, "rad"
-        yield "joint velocity", self.v, "rad/s"
+        up, left = self.impact_target.contact_offset
+        yield "contact above the ball's centre", 1e3 * up, "mm"
+        yield "contact to the left of it", round(1e3 * left, 9), "mm"
+        if abs(math.degrees(self.heading)) >= 0.005:
+            yield "heading", math.degrees(self.heading), "deg"
+        leg = self.leg
+        for name, (value, unit) in leg.display_values(self.q).items():
+            speed = float(self.v[leg.velocity_index(name)])
+            if value or speed:
+                yield name, round(value, 9), f"{unit}, {speed:.4g} {leg.joint_unit(name)}/s"
         yield "impulse on the ball", self.impact.impulse, "N s"
         yield "launch", self.impact.ball_after.velocity, "m/s"
+        if self.share < 1.0:
+            yield "wished launch", self.launch.velocity, "m/s"
         if isinstance(self.goal, Goal):
             yield "landing error", self.landing_error, "m"
             yield "time error", self.time_error, "s"
@@ -163,7 +171,7 @@ class KickPlan(ReprMixin):
         yield f"objective {self.objective}", self.value, self.objective.unit
         yield "share of the speed limit", self.speed_use, ""
         yield "share of the torque limit", self.torque_use, ""
-        yield from warned([line.partition("; ")[0] for line in self.warnings])
+        yield from warned(self.warnings)
 
     @property
     def leg(self) -> Leg:
@@ -370,17 +378,15 @@ def _under_ground(plan: KickPlan, q: Array, _: float) -> Mapping[str, float]:
     return find_depths(plan.leg, q, height)
 
 
-def _in_motion(
-    plan: KickPlan, find: Overlaps, where: str, remedy: str, times: Array
-) -> Sequence[str]:
+def _in_motion(plan: KickPlan, find: Overlaps, where: str, remedy: str, t: Array) -> list[str]:
     """Return a line for overlaps at times of the motion [s], without those at 0."""
     motion = plan.motion
     assert motion is not None
     at_impact, deepest = find(plan, plan.q, 0.0), dict[str, tuple[float, float]]()
-    for t in times.tolist():
-        for name, depth in find(plan, motion.q(t), t).items():
+    for time in t.tolist():
+        for name, depth in find(plan, motion.q(time), time).items():
             if name not in at_impact:
-                deepest[name] = max((depth, t), deepest.get(name, (0.0, 0.0)))
+                deepest[name] = max((depth, time), deepest.get(name, (0.0, 0.0)))
     ranked = sorted(deepest.items(), key=lambda item: -item[1][0])
-    bodies = [f"{name} by {depth:.3f} m at {t:.2f} s" for name, (depth, t) in ranked]
-    return [f"bodies are {where}: {listed(bodies, MOST_NAMED)}; {remedy}"] if bodies else ()
+    bodies = [f"{name} by {depth:.3f} m at {time:.2f} s" for name, (depth, time) in ranked]
+    return [f"bodies are {where}: {listed(bodies, MOST_NAMED)}; {remedy}"] if bodies else []

@@ -269,9 +269,8 @@ def _without_terms(robot: Leg, target: ImpactTarget, draw: np.random.Generator) 
     else:
         if robot.supports or robot.loops:
             raise InvalidInput(
-                f"{robot.name} has supports or loops: kicks from a fixed base are planned for legs "
-                "without supports and loops only, because a plan chooses each joint by itself, and "
-                "these tie joints together"
+                f"{robot.name} has supports or loops, which tie joints together: kicks from a "
+                "fixed base are planned for legs without supports and loops only"
             )
         limb = kicking_chain(robot, branches=True)
     variables = KickVariables(limb.leg, target)
@@ -345,9 +344,7 @@ def _solve(problem: KickProblem, objective: Objective) -> tuple[KickProblem, Kic
     )
 
 
-def best_from(
-    problem: KickProblem, objective: Objective, starts: Sequence[Array]
-) -> KickPoint | None:
+def best_from(problem: KickProblem, objective: Objective, starts: list[Array]) -> KickPoint | None:
     """Return the best of the solutions from some starts; None if none meets the goal."""
     points = problem.solve(objective, starts)
     return min(points, key=lambda point: float(objective.value(point)[0])) if points else None
@@ -418,8 +415,7 @@ def _check_sliding(variables: KickVariables, directions: Array) -> None:
         raise InvalidInput(
             f"the velocity of the {mover} leaves the plane in which the foot of "
             f"{variables.leg.name} moves: the foot would slide over the ball; a contact without "
-            "friction (friction=0, --friction 0) or a foot that moves sideways, such as the one of "
-            "g1, can give this kick"
+            "friction (friction=0, --friction 0) or a foot that moves sideways can give this kick"
         )
 
 

@@ -250,9 +250,8 @@ def launch_velocity(point: Array) -> Array:
     """Return the velocity of the ball's launch at a point of the axes, shape `(3,)` [m/s]."""
     speed, elevation, azimuth = point[:3]
     level = np.cos(elevation)
-    return np.asarray(
-        speed * np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
-    )
+    direction = [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
+    return np.asarray(speed * np.array(direction))
 
 
 def _rotations(axes: Array, angles: Array) -> Array:

@@ -105,9 +105,8 @@ def checked_objective(
             f"{KickObjective.TORQUE_SQUARED}, which is for motions only"
         )
     if limits not in (True, False, MUSCLES):
-        raise InvalidInput(
-            f"limits is {validation.brief(limits)}: it must be True, False or {MUSCLES!r}"
-        )
+        shown = validation.brief(limits)
+        raise InvalidInput(f"limits is {shown}: it must be True, False or {MUSCLES!r}")
     if motion and not limits:
         raise InvalidInput("limits is False: a motion is planned within limits")
     return objective

@@ -302,9 +302,8 @@ class StrikeVelocity(Function[KickPoint]):
         by_size = np.outer(error, full @ full_q) / size**2
         by_q = (leg.foot_q - share * (gain @ change_q) - by_size) / size
         by_share = -(gain @ change) / size
-        return variables.slope(
-            self.rows @ by_q, self.rows @ (jacobian / size), self.rows @ by_share
-        )
+        rows = self.rows
+        return variables.slope(rows @ by_q, rows @ (jacobian / size), rows @ by_share)
 
     def make_exact(self, point: KickPoint) -> KickPoint:
         """Return a point near one, with the foot's velocity exact in all digits."""
@@ -363,9 +362,8 @@ def place_exactly(term: BallPosition, point: KickPoint) -> KickPoint:
         at_end = (q - variables.lower < 1e-7) | (variables.upper - q < 1e-7)
         rows[:, at_end] = 0.0
         x = point.x.copy()
-        x[: variables.n] = np.clip(
-            q - np.linalg.pinv(rows, rcond=1e-6) @ residual, variables.lower, variables.upper
-        )
+        placed = q - np.linalg.pinv(rows, rcond=1e-6) @ residual
+        x[: variables.n] = np.clip(placed, variables.lower, variables.upper)
         point = variables.point(x)
     return point
 
@@ -410,8 +408,7 @@ def turn_to_ball(ball: BallPosition, facing: Facing, point: KickPoint) -> KickPo
         slopes = [term.derivatives(posture, point.v)[0][:, variables.vs] for term in (ball, facing)]
         step = np.linalg.pinv(np.vstack([slopes[0], slopes[1][wrong]]), rcond=1e-2) @ error
         x = point.x.copy()
-        x[: variables.n] = np.clip(
-            q - step / max(1.0, 2.0 * float(np.abs(step).max())), variables.lower, variables.upper
-        )
+        step /= max(1.0, 2.0 * float(np.abs(step).max()))
+        x[: variables.n] = np.clip(q - step, variables.lower, variables.upper)
         point = variables.point(x)
     return place_exactly(ball, point)

@@ -292,14 +292,12 @@ def _farthest(family: LaunchFamily) -> Launch:
         return 0.0 if path is None else -float(goal.ahead @ path.position(path.end))
 
     bounds = math.atan(slope) + 1e-3, math.pi / 2 - 1e-3
-    best = minimize_scalar(
-        negative_distance, bounds=bounds, method="bounded", options={"xatol": 1e-5}
-    )
+    how: Any = {"method": "bounded", "options": {"xatol": 1e-5}}
+    best = minimize_scalar(negative_distance, bounds=bounds, **how)
     path = flight(float(best.x))
     if path is None:
-        raise OutOfReach(
-            f"the goal is out of reach of every launch at {speed:.4g} m/s", LaunchLimit.SPEED, None
-        )
+        line = f"the goal is out of reach of every launch at {speed:.4g} m/s"
+        raise OutOfReach(line, LaunchLimit.SPEED, None)
     unknowns = np.array([*path.velocity(0.0), path.end])
     solution = LaunchSolution(unknowns, np.zeros(4), unknowns[None, :3], path, np.zeros((0, 0)))
     reached = Goal(path.position(path.end), time=path.end, spin=goal.spin)
@@ -348,11 +346,8 @@ def _nearest(family: LaunchFamily, inside: list[LaunchSolution]) -> Launch:
     if ground_blocks or not nearest.is_above_ground:
         clear, ground_blocks = family.above_ground(), True
         if not clear:
-            raise OutOfReach(
-                "the goal is out of reach: the ground is in the way of every launch",
-                LaunchLimit.GROUND,
-                None,
-            )
+            line = "the goal is out of reach: the ground is in the way of every launch"
+            raise OutOfReach(line, LaunchLimit.GROUND, None)
         nearest = min(clear, key=distance)
     nearest = family.refine(nearest)
     error, _ = nearest.condition(goal)

@@ -140,9 +140,9 @@ class LaunchFamily:
         branch = [*reversed(self._walk(start, -1.0)), start, *self._walk(start, 1.0)]
         limit = self._with_condition(speed=self.speed_limit)
         for find in (
-            partial(self._turning_point, limit),
+            partial(self._turning, limit),
             partial(self._solution, limit),
-            partial(self._turning_point, self.goal),
+            partial(self._turning, self.goal),
         ):
             between = [
                 member
@@ -176,10 +176,8 @@ class LaunchFamily:
         rates = np.linalg.lstsq(slopes[:, :-1] * sizes, -slopes[:, -1], rcond=1e-14)[0]
         return np.append(sizes * rates, 1.0)
 
-    def _between(
-        self, a: LaunchSolution, b: LaunchSolution, fraction: float
-    ) -> LaunchSolution | None:
-        return self._member(a.unknowns + fraction * (b.unknowns - a.unknowns), steps=12)
+    def _between(self, a: LaunchSolution, b: LaunchSolution, share: float) -> LaunchSolution | None:
+        return self._member(a.unknowns + share * (b.unknowns - a.unknowns), steps=12)
 
     def _root(
         self, value: Callable[[LaunchSolution], float], a: LaunchSolution, b: LaunchSolution
@@ -200,9 +198,7 @@ class LaunchFamily:
         except ValueError:  # of nan: there is no member
             return None
 
-    def _turning_point(
-        self, goal: Goal, a: LaunchSolution, b: LaunchSolution
-    ) -> LaunchSolution | None:
+    def _turning(self, goal: Goal, a: LaunchSolution, b: LaunchSolution) -> LaunchSolution | None:
         """Return the member between two to which a condition's error falls, and then rises."""
 
         def rate(member: LaunchSolution) -> float:

@@ -80,18 +80,15 @@ class ShootingProblem:
             axial_spin = 0.0
         return np.asarray(spin + (axial_spin - spin @ along) * along)
 
-    def shoot(
-        self, launch: Array, time: float, with_slopes: bool = True
-    ) -> DifferentiableFlight | None:
+    def shoot(self, launch: Array, time: float, slopes: bool = True) -> DifferentiableFlight | None:
         """Fly the unknowns without the time for a time [s]; None if that fails."""
         increments = INCREMENT * self.sizes(np.append(launch, time))[:-1]
-        if not with_slopes:
+        if not slopes:
             increments = increments[:0]
 
         def start(values: Array) -> tuple[BallState, Air | None]:
-            return BallState.computed(
-                np.zeros(3), values[:3].copy(), self.spin_of(values)
-            ), self.air
+            velocity, spin = values[:3].copy(), self.spin_of(values)
+            return BallState.computed(np.zeros(3), velocity, spin), self.air
 
         try:
             return fly_with_slopes(start, launch, increments, self.ball, time, self.tol)

@@ -138,9 +138,7 @@ class LibraryMaking:
             })  # fmt: skip
         first = _read_arrays(stored)
         if str(first.get("settings")) != settings:
-            raise InvalidInput(
-                f"{self.folder} has parts of a library with other settings: remove it"
-            )
+            raise InvalidInput(f"{self.folder} has parts with other settings: remove it")
         self.lower, self.upper = first["ranges"].T
         aside = dict(zip(first["aside"].tolist(), first["angles"].tolist(), strict=True))
         joints = tuple(first["joints"].tolist())
@@ -191,18 +189,19 @@ class LibraryMaking:
         while True:
             tasks = []
             for key in sorted(grid):
-                near = [
-                    other
-                    for axis in range(len(key))
-                    for step in (-self.unit, self.unit)
-                    if self.nodes.get(other := _moved(key, axis, step)) == ""
-                ]
+                near = self._motions_near(key, (self.unit,) * len(key))
                 if self.nodes.get(key) != "" and len(near) > tried.get(key, 0):
                     tried[key] = len(near)
                     tasks.append((key, near))
             if not tasks:
                 return
             self._plan(tasks, len(grid))
+
+    def _motions_near(self, key: Key, sizes: Key) -> list[Key]:
+        """Return neighbours with a motion, at distances along the axes."""
+        steps = [(axis, step) for axis, size in enumerate(sizes) for step in (-size, size)]
+        neighbours = (_moved(key, axis, step) for axis, step in steps)
+        return [other for other in neighbours if self.nodes.get(other) == ""]
 
     def _plan(self, tasks: list[tuple[Key, list[Key]]], total: int) -> None:
         jobs = [
@@ -303,13 +302,7 @@ class LibraryMaking:
             for corner in cell.corners():
                 if corner in self.nodes:
                     continue
-                near = [
-                    other
-                    for axis, size in enumerate(cell.size)
-                    for step in (-size, size)
-                    if self.nodes.get(other := _moved(corner, axis, step)) == ""
-                ]
-                tasks[corner] = near
+                tasks[corner] = self._motions_near(corner, cell.size)
         self._plan([(key, near) for key, near in tasks.items() if near], len(self.nodes))
 
     def _write(self, cells: list[Cell]) -> None:
@@ -322,6 +315,7 @@ class LibraryMaking:
             checks = [self.checks.get(_name(*checked)) for checked in cell.checked()]
             rows = [check[1] for check in checks if check and check[1]]
             least.append(np.min(rows, axis=0) if rows else np.full(len(labels), np.nan))
+        nodes = [[numbers.get(corner, -1) for corner in cell.corners()] for cell in cells]
         lows = [self._point(cell.low) for cell in cells]
         highs = [self._point(cell.corners()[-1]) for cell in cells]
         arrays |= {
@@ -331,9 +325,7 @@ class LibraryMaking:
             "coefficients": np.array([self._coefficients(key) for key in names]),
             "cell_lower": np.array(lows),
             "cell_upper": np.array(highs),
-            "cell_nodes": np.array([
-                [numbers.get(corner, -1) for corner in cell.corners()] for cell in cells
-            ]),
+            "cell_nodes": np.array(nodes),
             "cell_reasons": np.array([self._reason(cell) for cell in cells], dtype=str),
             "cell_margins": np.array(least),
             "limits": np.array(labels),

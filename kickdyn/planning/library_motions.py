@@ -84,9 +84,7 @@ class Kicks:
             place = self.height
         self._like = problem = kick_problem(self.robot, target, place, like=self._like)
         if problem.heading:
-            raise InvalidInput(
-                f"{self.robot.name} kicks in its plane only: azimuth must be 0 for this leg"
-            )
+            raise InvalidInput(f"{self.robot.name} kicks in its plane only: azimuth must be 0")
         task = motion_task(problem)
         if self.joints and self.joints != task.leg.joint_names:
             leg = kicking_chain(task.leg, others=self.aside).leg
@@ -123,9 +121,8 @@ def first_motion(kicks: Kicks, point: Array) -> tuple[Kicks, Array, Found]:
         if not planned.is_met:
             why = motion.warnings[0] if motion.warnings else "bodies are inside each other"
             raise InvalidInput(f"no motion for the middle of the ranges keeps all limits: {why}")
-        kicks = replace(
-            kicks, joints=motion.joints, aside=dict(motion.aside), near=solution.coefficients
-        )
+        joints, aside = motion.joints, dict(motion.aside)
+        kicks = replace(kicks, joints=joints, aside=aside, near=solution.coefficients)
         problem = motion_problem(kicks.task(point, place_is_free=True))
         posture = problem.splines.at_impact()[0] @ solution.coefficients
         start = np.array([*point[:3], *problem.ball_centre(posture)[:2]])

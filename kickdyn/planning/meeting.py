@@ -152,9 +152,8 @@ class Meeting(ReprMixin):
 
         def launch(change: Array) -> tuple[BallState, Air | None]:
             change = free * change  # a ball stays on the ground on which it rolls
-            state = BallState(
-                seen.position + change[4:], seen.velocity + change[1:4], seen.spin, seen.time
-            )
+            place, moves = seen.position + change[4:], seen.velocity + change[1:4]
+            state = BallState(place, moves, seen.spin, seen.time)
             course = replace(incoming, state=state).course(ball, air, wait + TIME_BEYOND)
 
             def path(t: float) -> BallState:
@@ -180,9 +179,8 @@ class Meeting(ReprMixin):
             return BallState(before.position, after.velocity, after.spin), air
 
         plane = Plane(self.ball.position + self.goal.target, -self.goal.ahead, "centre")
-        flight = fly_with_slopes(
-            launch, np.zeros(7), np.full(7, INCREMENT), ball, plane, central=True
-        )
+        steps = np.full(7, INCREMENT)
+        flight = fly_with_slopes(launch, np.zeros(7), steps, ball, plane, central=True)
         slopes, _ = flight.slopes_at_plane(plane.normal, flight.end)
         return LandingSlopes(slopes[:, 0], slopes[:, 1:4], slopes[:, 4:])
 
@@ -211,9 +209,8 @@ def meeting_figure(plan: Any) -> Any:
     left, right = figure.subplots(1, 2)
     left.axvline(plan.meeting.time, color="0.6", linewidth=1, linestyle=":")
     left.set_xlabel("time of the meeting [s], dotted: planned")
-    drawn = [
-        (left, [100 * meeting.speed_use for meeting in kicks], COLOURS[0], "speed, % of its limit")
-    ]
+    uses = [100 * meeting.speed_use for meeting in kicks]
+    drawn = [(left, uses, COLOURS[0], "speed, % of its limit")]
     if slope is not None:
         label = "foot late for 10 cm at the target [ms]"
         drawn.append((left.twinx(), exact, COLOURS[1], label))
@@ -227,9 +224,8 @@ def meeting_figure(plan: Any) -> Any:
         return figure
     turn = np.linspace(0.0, 2.0 * math.pi, 100)
     right.plot(10 * np.cos(turn), 10 * np.sin(turn), color="0.6")
-    for number, (name, derivative, size) in enumerate(
-        _errors(plan.meeting.ball.velocity, goal.ahead, slope)
-    ):
+    errors = _errors(plan.meeting.ball.velocity, goal.ahead, slope)
+    for number, (name, derivative, size) in enumerate(errors):
         end = 100 * size * np.array([-(goal.left @ derivative), derivative[2]])
         right.plot([0.0, end[0]], [0.0, end[1]], "-o", linewidth=6.0 - 1.5 * number, label=name)
     right.set_aspect("equal", adjustable="datalim")

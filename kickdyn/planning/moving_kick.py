@@ -1,7 +1,6 @@
 """Planning a kick of a ball that moves: where it is met, and how."""
 
 import math
-from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -78,7 +77,8 @@ class Interceptor:
         self.course = incoming.course(settings.ball, settings.air, longest)
         self._near, self._reach = near, reach
         self._objective = OBJECTIVES[settings.objective]
-        self._known: dict[float, ImpactTask | InvalidInput] = {}
+        self._known = dict[float, ImpactTask | InvalidInput]()
+        self._problems, self._kicks = dict[float, KickProblem](), dict[float, SolvedKick]()
 
     def at(self, wait: float) -> ImpactTask:
         """Return the task of the foot at a time since the ball was seen [s].
@@ -151,33 +151,30 @@ class Interceptor:
         the middle between them and the best one. Where no kick gives the whole launch, the
         strongest one is returned.
         """
-        reasons: dict[float, str] = {}
-        problems: dict[float, KickProblem] = {}
-        like: KickProblem | None = None
+        reasons, like = dict[float, str](), None
+        kicks, problems = self._kicks, self._problems
         for wait in waits:
             try:
                 self._check_facing(self.at(wait))
                 problems[wait] = like = self.at(wait).problem(like)
             except InvalidInput as error:
                 reasons[wait] = str(error)
-        kicks: dict[float, SolvedKick] = {}
         if problems:
             ratings = {wait: problem.rating for wait, problem in problems.items()}
             best = min(problems, key=ratings.__getitem__)
-            self._seek(kicks, best, problems[best], problems[best].starts())
+            self._seek(best, problems[best], problems[best].starts())
         if kicks:
-            self._follow(kicks, problems)
+            self._follow()
             missed = "no posture near the other meetings gives this launch"
         else:
-            reasons = self._seek_strongest(kicks, problems) | reasons
+            reasons = self._seek_strongest() | reasons
             missed = "no posture gives this launch"
         reasons |= {wait: missed for wait in problems if wait not in kicks | reasons}
         return kicks, reasons
 
-    def _seek_strongest(
-        self, kicks: dict[float, SolvedKick], problems: dict[float, KickProblem]
-    ) -> dict[float, str]:
+    def _seek_strongest(self) -> dict[float, str]:
         """Add the strongest kicks from postures at the ball; return why there are none."""
+        kicks, problems = self._kicks, self._problems
         touching, reasons = dict[float, KickProblem](), dict[float, str]()
         for wait, problem in problems.items():
             at_ball = problem.at_ball(TOUCHING_STARTS)
@@ -196,7 +193,7 @@ class Interceptor:
         }
         order = sorted(touching, key=ranks.__getitem__)
         for wait in order[:TOUCHING_TIMES]:
-            self._seek(kicks, wait, problems[wait], touching[wait].starts(), STRONGEST)
+            self._seek(wait, problems[wait], touching[wait].starts(), STRONGEST)
         if order and not kicks:
             best = order[0]
             try:
@@ -204,7 +201,7 @@ class Interceptor:
             except InvalidInput as error:
                 return {best: str(error)} | reasons
         if kicks:
-            self._follow(kicks, problems, STRONGEST)
+            self._follow(STRONGEST)
         return reasons
 
     def _check_facing(self, task: ImpactTask) -> None:
@@ -220,10 +217,9 @@ class Interceptor:
 
     def _seek(
         self,
-        kicks: dict[float, SolvedKick],
         wait: float,
         problem: KickProblem,
-        starts: Sequence[Array],
+        starts: list[Array],
         objective: Objective | None = None,
     ) -> None:
         """Add the kick at a time that is best by an objective, if one is near the starts."""
@@ -231,15 +227,11 @@ class Interceptor:
         if point is not None and objective is not None and point.share > 1.0 - 1e-6:
             point = best_from(problem, self._objective, [point.x]) or point
         if point is not None:
-            kicks[wait] = self.at(wait).kick(problem, point)
+            self._kicks[wait] = self.at(wait).kick(problem, point)
 
-    def _follow(
-        self,
-        kicks: dict[float, SolvedKick],
-        problems: dict[float, KickProblem],
-        objective: Objective | None = None,
-    ) -> None:
+    def _follow(self, objective: Objective | None = None) -> None:
         """Add the kicks at times before and after the best one, each from its neighbour."""
+        kicks, problems = self._kicks, self._problems
         first = min(kicks, key=lambda wait: kicks[wait].rank)
         times = list(problems)
         number = times.index(first)
@@ -247,7 +239,7 @@ class Interceptor:
             last = first
             for wait in side:
                 if wait not in kicks:
-                    self._seek(kicks, wait, problems[wait], [kicks[last].point.x], objective)
+                    self._seek(wait, problems[wait], [kicks[last].point.x], objective)
                 if wait not in kicks:
                     break
                 last = wait
@@ -259,7 +251,7 @@ class Interceptor:
             middle = 0.5 * (best + other)
             with suppress(InvalidInput):
                 problem = self.at(middle).problem(problems[best])
-                self._seek(kicks, middle, problem, [kicks[best].point.x], objective)
+                self._seek(middle, problem, [kicks[best].point.x], objective)
 
     def _task(self, wait: float) -> ImpactTask:
         s, incoming, goal = self.settings, self.incoming, self.settings.goal
@@ -292,9 +284,8 @@ def plan_interception(incoming: IncomingBall, settings: KickSettings) -> KickPla
     with one_thread():
         reach = reach_of(s.leg, s.ball)
         balls = Interceptor(s, incoming, reach=reach)
-        waits = waits_in_reach(
-            incoming, balls.course, reach, s.ball.radius, balls.changes, balls.escaping
-        )
+        ways = balls.changes, balls.escaping
+        waits = waits_in_reach(incoming, balls.course, reach, s.ball.radius, *ways)
         if reach.across is not None:
             waits = waits_in_plane(waits, lambda wait: balls.beside(wait) - reach.beside)
         kicks, reasons = balls.kicks(waits.tolist())
@@ -308,12 +299,10 @@ def plan_interception(incoming: IncomingBall, settings: KickSettings) -> KickPla
             )
         ordered = dict(sorted(kicks.items(), key=lambda item: item[1].rank))
         planned, plan, collisions = _without_collisions(ordered)
-    meetings = {
-        wait: Meeting(
-            state_at(incoming, balls.course, wait), incoming, s.goal, s.air, reason=reason
-        )
-        for wait, reason in reasons.items()
-    }
+    meetings = dict[float, Meeting]()
+    for wait, reason in reasons.items():
+        ball = state_at(incoming, balls.course, wait)
+        meetings[wait] = Meeting(ball, incoming, s.goal, s.air, reason=reason)
     for wait, kick in kicks.items():
         assert kick.meeting is not None
         meetings[wait] = replace(kick.meeting, reason=collisions.get(wait, ""))
@@ -327,9 +316,7 @@ def _plan_of(kick: SolvedKick) -> KickPlan:
     return replace(kick.plan(), _again=partial(_replan, kick))
 
 
-def _without_collisions(
-    kicks: Mapping[float, SolvedKick],
-) -> tuple[float, KickPlan, dict[float, str]]:
+def _without_collisions(kicks: dict[float, SolvedKick]) -> tuple[float, KickPlan, dict[float, str]]:
     """Return time and plan of the first kick without collisions, and why not of those before.
 
     Where bodies collide in all, kicks are planned again with conditions against it.
@@ -442,9 +429,8 @@ def plan_trap(
     """
     moving_ball = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
     wish = validation.vector("velocity", velocity, 3, unit="m/s")
-    validation.number(
-        "speed after the contact", math.hypot(*wish), at_most=FASTEST_BALL, unit="m/s"
-    )
+    speed = math.hypot(*wish)
+    validation.number("speed after the contact", speed, at_most=FASTEST_BALL, unit="m/s")
     settings = KickSettings(
         checked_leg(leg), BallState(velocity=wish), ball, air, checked_contact(contact),
         checked_objective(objective), limits,

@@ -4,10 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from kickdyn.ball import BallState
-from kickdyn.core.files import finite
+from kickdyn.core.files import attributes, plain
 from kickdyn.core.representation import distance_in_words
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -17,7 +15,6 @@ from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.meeting import LandingSlopes, Meeting
 from kickdyn.planning.passes import Pass
-from kickdyn.restitution import describe_restitution
 from kickdyn.scene.scene import Passage, Score, Wall, check_before, passage_on, score_at
 
 SAMPLE_RATE = 100.0
@@ -86,49 +83,8 @@ class PlanReport:
             f"{_limit_use(plan.speed_use, plan.torque_use)}.",
             *_describe_meeting(plan),
             *(_describe_stance(name, plan) for name in plan.impact.footing),
-            *(f"Warning: {line}." for line in plan.warnings),
         ]
         return [sentence for sentence in sentences if sentence]
-
-    def table(self) -> list[str]:
-        """Return the plan's numbers as lines of text."""
-        plan, impact, leg = self.plan, self.plan.impact, self.plan.leg
-        up, left = plan.impact_target.contact_offset
-        restitution = describe_restitution(
-            impact.contact.restitution, impact.restitution, impact.approach_speed
-        )
-        joint, joint_impulse = impact.worst_joint
-        lines = [
-            *_launch_lines(plan),
-            f"impact  contact point {_rounded(1e3 * abs(up), 1)} mm "
-            f"{'above' if up >= 0.0 else 'below'} the ball's centre and "
-            f"{_aside(1e3 * left, 1, 'mm')}, "
-            f"impulse {math.hypot(*impact.impulse):.4f} N s, "
-            f"foot speed {math.hypot(*impact.foot_velocity):.4f} m/s"
-            f"{', ' if restitution else ''}{restitution}",
-            f"leg     {_limit_use(plan.speed_use, plan.torque_use)} of the joints; "
-            f"largest joint impulse {joint_impulse:.3g} N s, at {joint}; "
-            f"objective {plan.objective} = {plan.value:.4g} {plan.objective.unit}",
-        ]
-        if leg.workspace.model.armature.any():
-            masses = impact.posture.effective_mass_limits(impact.contact.normal).items()
-            shown = ", ".join(
-                f"{mass:.3g} kg {limit}"
-                if math.isfinite(mass)
-                else f"infinite {limit} (base or foot fixed)"
-                for limit, mass in masses
-            )
-            lines.append(f"drives  effective mass {shown}; planned {impact.drive_limit}")
-        if abs(math.degrees(plan.heading)) >= 0.005:
-            lines.append(f"base    turned by {_aside(math.degrees(plan.heading), 2, 'deg')}")
-        for name, (value, unit) in leg.display_values(plan.q).items():
-            speed = plan.v[leg.velocity_index(name)]
-            if speed != 0.0 or value != 0.0:
-                lines.append(
-                    f"  {name:24} {_rounded(value, 2):>9} {unit}  "
-                    f"{_rounded(speed, 3):>9} {leg.joint_unit(name)}/s"
-                )
-        return lines
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as what JSON can hold: SI units, degrees where a name says so."""
@@ -142,10 +98,10 @@ class PlanReport:
             "goal": _goal_json(plan.goal),
             "launch": _launch_json(plan.launch),
             "impact": {
-                **_attributes(impact, "impulse foot_velocity restitution"),
+                **attributes(impact, "impulse foot_velocity restitution"),
                 "restitution_given": impact.contact.restitution,
                 "normal": impact.contact.normal.tolist(),
-                "effective_mass": {limit: finite(mass) for limit, mass in masses.items()},
+                "effective_mass": plain(masses),
                 "up_m": up,
                 "left_m": left,
             },
@@ -154,12 +110,12 @@ class PlanReport:
                 "heading_deg": math.degrees(plan.heading),
                 "q_deg": leg.angles_deg(plan.q),
                 "q_m": leg.positions_m(plan.q),
-                **_attributes(plan, "v objective value binding speed_use torque_use"),
+                **attributes(plan, "v objective value binding speed_use torque_use"),
                 "worst_joint": joint,
                 "worst_joint_impulse": joint_impulse,
             },
             "time": plan.path.duration,
-            **_attributes(plan, f"share warnings {errors}"),
+            **attributes(plan, f"share warnings {errors}"),
         }
         if plan.corrected_by:
             report["corrected_by"] = plan.corrected_by
@@ -167,7 +123,7 @@ class PlanReport:
             slopes, meeting = _landing_slopes(plan), _meeting_json(plan.meeting)
             if isinstance(plan.goal, Goal):
                 meeting["target_position"] = plan.target_position.tolist()
-            meeting["landing_slopes"] = slopes and _attributes(slopes, "time velocity place")
+            meeting["landing_slopes"] = slopes and attributes(slopes, "time velocity place")
             report |= {"meeting": meeting, "meetings": [_meeting_json(x) for x in plan.meetings]}
         if self.wall is not None:
             above, beside, _ = passage_of(self.wall, plan) or (None, None, None)
@@ -178,12 +134,12 @@ class PlanReport:
             report["stance"] = {
                 "footing": {name: str(state) for name, state in impact.footing.items()},
                 "balance": plan.balance,
-                "impulse": {name: p.tolist() for name, p in impact.support_impulses.items()},
+                "impulse": plain(impact.support_impulses),
                 "friction": {name: _least_friction(name, plan) for name in impact.footing},
             }
         if plan.motion is not None:
             samples = plan.motion.samples(SAMPLE_RATE)
-            numbers = _attributes(samples, "q v torque ground_wrench")
+            numbers = attributes(samples, "q v torque ground_wrench")
             report["motion"] = {"joints": samples.joints, "time": samples.t.tolist(), **numbers}
         return report
 
@@ -333,56 +289,21 @@ def _limit_use(speed: float, torque: float) -> str:
     return f"up to {' and '.join(named)}" if named else "no use of the limits"
 
 
-def _attributes(source: object, names: str) -> dict[str, Any]:
-    return {name: np.asarray(getattr(source, name)).tolist() for name in names.split()}
-
-
-def _launch_lines(plan: KickPlan) -> list[str]:
-    """Return the launch, or the reached and the wished one of a plan beyond limits."""
-    wished, has_target = plan.launch.velocity, isinstance(plan.goal, Goal)
-    named = [("reached", plan.impact.ball_after.velocity), ("wished", wished)]
-    if plan.share == 1.0:
-        named = [("launch" if has_target else "ball", wished)]
-    lines = []
-    for name, velocity in named:
-        x, y, z = velocity.tolist()
-        angle, azimuth = math.atan2(z, math.hypot(x, y)), math.atan2(y, x)
-        text = f"({', '.join(_rounded(value, 4) for value in (x, y, z))}) m/s after the contact"
-        if has_target:
-            text = (
-                f"{math.hypot(x, y, z):.4f} m/s, {_rounded(math.degrees(angle), 3)} deg above the "
-                f"horizontal, {_aside(math.degrees(azimuth), 3, 'deg')}"
-            )
-        lines.append(f"{name:8}{text}")
-    return lines
-
-
 def _launch_json(launch: Launch | Pass | BallState) -> dict[str, Any]:
     if isinstance(launch, BallState):
-        return _attributes(launch, "speed velocity spin")
+        return attributes(launch, "speed velocity spin")
     angles = {"angle_deg": math.degrees(launch.angle), "azimuth_deg": math.degrees(launch.azimuth)}
-    return _attributes(launch, "speed velocity spin time iterations") | angles
+    return attributes(launch, "speed velocity spin time iterations") | angles
 
 
 def _goal_json(goal: Goal | BallState) -> dict[str, Any]:
     if isinstance(goal, BallState):
-        return _attributes(goal, "velocity")
+        return attributes(goal, "velocity")
     beside = {} if goal.beside is None else {"beside": goal.beside}
     return {"target_m": goal.target.tolist(), goal.kind: getattr(goal, goal.kind), **beside}
 
 
 def _meeting_json(meeting: Meeting) -> dict[str, Any]:
     use = meeting.speed_use if meeting.impact is not None else None
-    numbers = _attributes(meeting.ball, "time position velocity spin")
+    numbers = attributes(meeting.ball, "time position velocity spin")
     return numbers | {"share": meeting.share, "speed_use": use, "reason": meeting.reason}
-
-
-def _rounded(value: float, digits: int) -> str:
-    """Return a number with digits behind the point, and no -0."""
-    return f"{round(value, digits) + 0.0:.{digits}f}"
-
-
-def _aside(value: float, digits: int, unit: str) -> str:
-    """Return a value that is positive to the left as its size and its side."""
-    shown = _rounded(value, digits)
-    return f"{shown.lstrip('-')} {unit} to the {'right' if shown.startswith('-') else 'left'}"

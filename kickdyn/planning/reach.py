@@ -3,9 +3,9 @@
 import csv
 import io
 import json
-import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,14 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.files import check_writable, read_text, replacing
+from kickdyn.core.files import (
+    FileName,
+    attributes,
+    check_writable,
+    checked_ending,
+    read_text,
+    replacing,
+)
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, warned
@@ -47,6 +54,10 @@ LARGEST_FILE = 10_000_000
 
 SURFACES = ("carpet", "turf")
 """Surfaces for which distances are given; names of `kickdyn.ground.SURFACES`."""
+
+
+Direction = tuple[float, float]
+"""Azimuth and elevation of a launch [deg]."""
 
 
 @dataclass(frozen=True)
@@ -90,27 +101,17 @@ class ReachTable(ReprMixin):
 
     def _rows(self) -> Iterable[Row]:
         yield "robot", self.robot, ""
-        yield "limits", "of the motion" if self.motion else "of the impact alone", ""
+        limits = "of the motion" if self.motion else "of the impact alone: upper bounds"
+        yield "limits", limits, ""
         for row in self.rows:
             text = f"{row.speed:.4g} m/s, {row.carpet:.3g} m on carpet, {row.turf:.3g} m on turf"
+            text += f"; {row.reason}" if row.reason else ""
             yield f"{row.azimuth:g}, {row.elevation:g} deg", text, ""
         yield from warned(self.warnings)
 
     def to_json(self) -> dict[str, object]:
         """Return the numbers, for JSON."""
-        rows = [asdict(row) for row in self.rows]
-        return {"robot": self.robot, "motion": self.motion, "rows": rows}
-
-    def table(self) -> list[str]:
-        """Return the table as lines of text."""
-        heads = ("azimuth", "elevation", "speed", "carpet", "turf")
-        units = ("[deg]", "[deg]", "[m/s]", "[m]", "[m]")
-        lines = ["".join(f"{word:>11}" for word in words) for words in (heads, units)]
-        for row in self.rows:
-            numbers = row.azimuth, row.elevation, row.speed, row.carpet, row.turf
-            texts = [f"{number:.3g}" for number in numbers]
-            lines.append(f"{''.join(f'{text:>11}' for text in texts)}  {row.reason}".rstrip())
-        return lines
+        return attributes(self, "robot motion rows")
 
     @styled()
     def plot(self) -> Any:
@@ -120,9 +121,8 @@ class ReachTable(ReprMixin):
         figure = Figure(figsize=(7.5, 6.5))
         speeds, distances = figure.subplots(2, 1, sharex=True)
         for number, side in enumerate(dict.fromkeys(row.azimuth for row in self.rows)):
-            rows = sorted(
-                (row for row in self.rows if row.azimuth == side), key=lambda row: row.elevation
-            )
+            rows = [row for row in self.rows if row.azimuth == side]
+            rows.sort(key=lambda row: row.elevation)
             angles, colour = [row.elevation for row in rows], f"C{number}"
             largest, label = [row.speed for row in rows], f"azimuth {side:g} deg"
             speeds.plot(angles, largest, "o-", color=colour, label=label)
@@ -152,7 +152,7 @@ def reach(
     ball_position: ArrayLike | None = None,
     motion: bool = False,
     tolerance: float = 0.05,
-    file: str | os.PathLike[str] | None = None,
+    file: FileName | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> ReachTable:
     """Find the largest launch of a robot in each direction, by plans that are `met`.
@@ -195,9 +195,9 @@ def reach(
     tolerance = validation.number("tolerance", tolerance, at_least=1e-3, at_most=0.5)
     sides, heights = _angles("azimuths", azimuths, 180.0), _angles("elevations", elevations, 80.0)
     validation.number("elevations", min(heights), at_least=0, unit="deg")
-    if file is not None and Path(file).suffix.lower() != ".csv":
-        raise InvalidInput(f"file is {os.fspath(file)!r}: a table of launches is written as .csv")
-    options = {"contact": contact, "ball_position": ball_position, "motion": motion}
+    if file is not None:
+        checked_ending(file, (".csv",), "a table of launches is written as")
+    options: Any = {"contact": contact, "ball_position": ball_position, "motion": motion}
     settings = {
         "robot": robot.name,
         "joints": list(robot.joint_names),
@@ -208,7 +208,19 @@ def reach(
         "air": repr(air),
         "tolerance": tolerance,
     }
-    rows: dict[tuple[float, float], ReachRow] = {}
+
+    def plan(place: Direction, where: str, speed: float, near: KickPlan | None) -> KickPlan:
+        if progress is not None:
+            progress(f"{where}: {speed:.3g} m/s")
+        velocity = launch_velocity(np.array([speed, *np.radians(place[::-1])]))
+        if near is not None and near.motion is not None:
+            return replan_motion(near, velocity)
+        # the target in the vacuum to which this launch leads, however low it is
+        fall = 0.5 * GRAVITY * DESCRIBING_TIME * DESCRIBING_TIME
+        target = DESCRIBING_TIME * velocity - [0.0, 0.0, fall]
+        return plan_kick(robot, Goal(target, time=DESCRIBING_TIME), ball, None, **options)
+
+    rows: dict[Direction, ReachRow] = {}
     if file is not None:
         check_writable(file)
         rows = _read(file, settings)
@@ -217,25 +229,7 @@ def reach(
         if place in rows:
             continue
         where = f"{number} of {len(wanted)}, {place[0]:g} and {place[1]:g} deg"
-
-        def plan(
-            speed: float,
-            near: KickPlan | None,
-            place: tuple[float, float] = place,
-            where: str = where,
-        ) -> KickPlan:
-            if progress is not None:
-                progress(f"{where}: {speed:.3g} m/s")
-            velocity = launch_velocity(np.array([speed, *np.radians(place[::-1])]))
-            if near is not None and near.motion is not None:
-                return replan_motion(near, velocity)
-            # the target in the vacuum to which this launch leads, however low it is
-            fall = 0.5 * GRAVITY * DESCRIBING_TIME * DESCRIBING_TIME
-            target = DESCRIBING_TIME * velocity - [0.0, 0.0, fall]
-            goal = Goal(target, time=DESCRIBING_TIME)
-            return plan_kick(robot, goal, ball, None, **options)  # type: ignore[arg-type]
-
-        row = _largest(plan, place, GROWTHS[motion], tolerance)
+        row = _largest(partial(plan, place, where), place, GROWTHS[motion], tolerance)
         if row.speed > 0.0:
             velocity = launch_velocity(np.array([row.speed, *np.radians(place[::-1])]))
             start = BallState((0.0, 0.0, ball.radius), velocity)
@@ -257,7 +251,7 @@ def _angles(name: str, values: ArrayLike, most: float) -> list[float]:
 
 def _largest(
     plan: Callable[[float, KickPlan | None], KickPlan],
-    place: tuple[float, float],
+    place: Direction,
     growth: float,
     tolerance: float,
 ) -> ReachRow:
@@ -301,7 +295,7 @@ def _largest(
     return ReachRow(*place, met, beyond, reason, 0.0, 0.0)
 
 
-def _write(file: str | os.PathLike[str], settings: Any, rows: Iterable[ReachRow]) -> None:
+def _write(file: FileName, settings: Any, rows: Iterable[ReachRow]) -> None:
     text = io.StringIO()
     text.write(f"# {json.dumps(settings)}\n")
     writer = csv.DictWriter(text, list(ReachRow.__dataclass_fields__), lineterminator="\n")
@@ -311,15 +305,13 @@ def _write(file: str | os.PathLike[str], settings: Any, rows: Iterable[ReachRow]
         draft.write_text(text.getvalue(), encoding="utf-8")
 
 
-def _read(
-    file: str | os.PathLike[str], settings: Mapping[str, object]
-) -> dict[tuple[float, float], ReachRow]:
+def _read(file: FileName, settings: Mapping[str, Any]) -> dict[Direction, ReachRow]:
     """Return the rows of a file by azimuth and elevation; none where there is no file."""
     source = str(file)
     if not Path(file).exists():
         return {}
     header, _, table = read_text(file, source, LARGEST_FILE, FaultyFile).partition("\n")
-    rows: dict[tuple[float, float], ReachRow] = {}
+    rows: dict[Direction, ReachRow] = {}
     try:
         written = json.loads(header.removeprefix("# "))
         for entry in csv.DictReader(io.StringIO(table)):

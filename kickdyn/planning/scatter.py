@@ -89,9 +89,8 @@ def scatter(impact: Impact, air: Air | None = None, **spread: float) -> Scatter:
         for source in ("normal", "restitution")
     }
     # the foot faster is the ball slower; only their relative velocity makes the impulse
-    by_foot = -np.vstack(
-        [slopes.impulse["ball_velocity"] / ball.mass, slopes.spin["ball_velocity"]]
-    )
+    by_ball = slopes.impulse["ball_velocity"] / ball.mass, slopes.spin["ball_velocity"]
+    by_foot = -np.vstack(by_ball)
     launch = {
         "speed": by_foot @ foot[:, None],
         "angle": by_foot @ (math.hypot(*foot) * _across(foot)),

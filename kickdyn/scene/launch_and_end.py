@@ -84,9 +84,8 @@ class EndSlopes(NamedTuple):
         if not np.isfinite(self.velocity).all():
             return math.inf
         pairs = ((self.velocity, launch.velocity), (self.spin, launch.spin))
-        return math.fsum(
-            math.sqrt(max(float(np.trace(slope @ cov @ slope.T)), 0.0)) for slope, cov in pairs
-        )
+        variances = (float(np.trace(slope @ cov @ slope.T)) for slope, cov in pairs)
+        return math.fsum(math.sqrt(max(variance, 0.0)) for variance in variances)
 
 
 def strike_scene(scene: Scene, **changes: Any) -> Impact:
@@ -194,9 +193,8 @@ def end_error(scene: Scene, path: Flight | Course, error: LaunchError) -> float:
     normal_speed = abs(float(_normal_at_end(scene, flight) @ arrival))
     slant = math.hypot(*arrival) / normal_speed if normal_speed > 0.0 else math.inf
     slant = slant if time > 0.0 else 1.0
-    displacement = (
-        error.position + (error.velocity + 0.5 * _lift_change(scene, flight, error) * time) * time
-    )
+    faster = error.velocity + 0.5 * _lift_change(scene, flight, error) * time
+    displacement = error.position + faster * time
     bounced = BOUNCE_SAFETY * (error.velocity + scene.ball.radius * error.spin)
     displacement = slant * (displacement + bounced * (in_air - time))
     return END_SAFETY * float(displacement + bounced * (path.duration - in_air))

@@ -387,9 +387,7 @@ def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
     checked = validation.mapping("uncertainty", value)
     for name, deviation in checked.items():
         if name not in UNITS:
-            choices = ", ".join(UNITS)
-            raise InvalidInput(
-                f"uncertainty of {validation.brief(name)} is unknown: choose {choices}"
-            )
+            shown, choices = validation.brief(name), ", ".join(UNITS)
+            raise InvalidInput(f"uncertainty of {shown} is unknown: choose {choices}")
         validation.floats(f"uncertainty of {name}", deviation)
     return checked

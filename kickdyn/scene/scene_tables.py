@@ -86,16 +86,14 @@ def _check_text(value: object) -> None:
 
 def _check_list(value: object) -> None:
     if not (isinstance(value, list) and len(value) <= MOST_NAMES):
-        raise InvalidInput(
-            f"{validation.brief(value)}: it must be a list, with at most {MOST_NAMES} entries"
-        )
+        shown = validation.brief(value)
+        raise InvalidInput(f"{shown}: it must be a list, with at most {MOST_NAMES} entries")
 
 
 def _check_joints(value: object, unit: str, **limits: float) -> None:
     if not isinstance(value, dict):
-        raise InvalidInput(
-            f"{validation.brief(value)}: it must be a table, joint = number [{unit}]"
-        )
+        shown = validation.brief(value)
+        raise InvalidInput(f"{shown}: it must be a table, joint = number [{unit}]")
     faults: list[str] = []
     for joint, number in value.items():
         try:

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,14 +11,13 @@ from typing import Any
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import Printed, distance_in_words
+from kickdyn.core.representation import ReprMixin, Row, distance_in_words, warned
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.follow import Course
 from kickdyn.impact.collide import Collision
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.uncertainty import Uncertainty
-from kickdyn.restitution import describe_restitution
 from kickdyn.robot.standing import is_floating
 from kickdyn.scene.effects import Effect, EffectSize, effects_of
 from kickdyn.scene.launch_and_end import (
@@ -48,8 +47,10 @@ _PHRASES = {"landed": "landed at", "at-plane": "reached the plane at", "at-rest"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Simulation(Printed):
-    """The result of a scene. `print` shows its error and the sizes of its effects as a table.
+class Simulation(ReprMixin):
+    """The result of a scene. `print` shows its error and how far each effect moves its end.
+
+    Effects are `small` if they are among the `negligible` ones, which are modelled all the same.
 
     Attributes:
         scene: the scene, as it was given.
@@ -135,11 +136,20 @@ class Simulation(Printed):
 
     @cached_property
     def effects(self) -> tuple[EffectSize, ...]:
-        """What neglecting each effect changes, by the method of this answer, see `measure_effects`.
+        """What neglecting each effect changes, in the order of `EFFECTS`.
 
-        It is computed when it is first read: flights and, for the effects on the launch, impacts.
+        It is computed when it is first read: flights and, for the effects on the launch, impacts,
+        as in this answer, with its tolerances. A contact time that is neglected has the size of the
+        `model_error`.
         """
-        return tuple(measure_effects(self))
+        sizes = list[EffectSize]()
+        for effect in effects_of(self.scene):
+            if effect.name in self.neglected:
+                sizes.append(EffectSize(effect.name, self.model_error, math.nan, "", self.seconds))
+                continue
+            began = time.process_time()
+            sizes.append(replace(_measure(effect, self), seconds=time.process_time() - began))
+        return tuple(sizes)
 
     @property
     def effect_sizes(self) -> Mapping[str, float]:
@@ -233,74 +243,40 @@ class Simulation(Printed):
 
     @property
     def summary(self) -> str:
-        """The end, its error, the wall, the goal and warnings, one line each."""
-        scene, impact, ground = self.scene, self.impact, self.scene.ground
-        known = math.isfinite(self.error)
-        error = f"error {distance_in_words(self.error) if known else 'unknown'}"
+        """Sentences on the end, its error, the wall and the goal."""
+        error = distance_in_words(self.error) if math.isfinite(self.error) else "unknown"
+        note = f" (neglecting the contact time, {self.note})" if self.neglected else ""
+        text = f"The ball {self.end_text} after {self.end.time:.3f} s; the error is {error}{note}."
+        return f"{text} {self.pitch_text}".rstrip()
+
+    def _rows(self) -> Iterable[Row]:
+        scene, impact, verdicts = self.scene, self.impact, dict.fromkeys(self.negligible, ", small")
+        yield "status", self.status, ""
+        yield "end", self.end.position, "m"
+        yield "time", float(self.end.time), "s"
+        yield "error", self.error, "m"
+        for effect in self.neglected:
+            verdicts[effect] = ", neglected"
+            yield "error by the contact time", self.model_error, "m"
         if self.tolerance is not None:
-            met = "within" if self.within_tolerance else "NOT WITHIN"
-            error += f", {met} the tolerance of {self.tolerance:g} m"
-        else:
-            error += "; all effects are modelled"
-            error += f" except contact time ({self.note})" if self.neglected else ""
-        origin = "in the world frame" if is_floating(scene.leg) else "from the base of the leg"
-        level = "" if ground is None else f"; the ground is at z = {ground.height:.3f} m"
-        lines = [
-            f"{self.end_text} after {self.end.time:.3f} s; {error}",
-            describe_restitution(
-                impact.contact.restitution, impact.restitution, impact.approach_speed
-            ),
-            self.pitch_text,
-            f"Positions are of the ball's centre, {origin}: x forward, y left, z up{level}.",
-        ]
+            yield "tolerance", self.tolerance, "m"
+            yield "within tolerance", self.within_tolerance, ""
         if not math.isnan(self.end_deviation):
-            lines.append(
-                f"The uncertainties of the scene give the end a standard deviation of "
-                f"{_length_text(self.end_deviation)} m."
-            )
-        lines += [f"warning: {warning}" for warning in self.warnings]
-        return "\n".join(filter(None, lines))
-
-    def __str__(self) -> str:
-        return self.text()
-
-    @validation.check_arguments
-    def text(self, *, times: bool = False) -> str:
-        """Return the text of `print`; with times, also processor times, which differ each time."""
-        source = "rounding"
-        if self.numerical_error > 1e-12:
-            source = f"{_length_text(self.numerical_error)} m by numerical integration"
-        if self.neglected:
-            neglected = f"{_length_text(self.model_error)} m by the neglected contact time"
-            source = f"{neglected} and {source}"
-        lines = [self.summary, f"The error is {source} ({self.method})."]
-        if times:
-            lines.append(f"The answer took {1e3 * self.seconds:.2g} ms.")
-        lines.append(f"{'effect':20}{'size [m]':>9}" + f"{'took [ms]':>12}" * times)
-        negligible = dict.fromkeys(self.negligible, "negligible")
-        verdicts = negligible | dict.fromkeys(self.neglected, "neglected")
+            yield "standard deviation of the end", self.end_deviation, "m"
+        if not isinstance(impact.contact.restitution, float):
+            yield "restitution", impact.restitution, ""
+        if self.pitch_text:
+            yield "wall and goal", self.pitch_text, ""
+        yield "method", self.method, ""
+        yield "origin", "of the world" if is_floating(scene.leg) else "base of the leg", ""
+        if scene.ground is not None:
+            yield "height of the ground", scene.ground.height, "m"
         for size in self.effects:
-            line = f"{size.effect:20}{_length_text(size.end):>9}"
-            line += f"{1e3 * size.seconds:12.2g}" * times
-            lines.append(f"{line}  {verdicts.get(size.effect, '')}".rstrip())
-        lines.append("size: how far the end moves if only this effect is neglected.")
-        if times:
-            lines.append(
-                "took: processor time of the answer without this effect; of its path alone, where "
-                "the effect does not change the launch."
-            )
-        if negligible:
-            lines.append(
-                "negligible: these sizes add up to at most half of the tolerance; the effects are "
-                "modelled all the same."
-            )
-        return "\n".join(lines)
-
-
-def _length_text(metres: float) -> str:
-    if not math.isfinite(metres):
-        return "unknown"
-    return f"{metres:.0f}" if metres >= 10.0 else f"{metres:.2g}"
+            text = f"m away{verdicts.get(size.effect, '')}"
+            text += f", impulse {size.impulse:.3g} N s off" if size.impulse > 0.0 else ""
+            text += f", {size.why_not}" if size.why_not else ""
+            yield f"the end without {size.effect}", size.end, text
+        yield from warned(self.warnings)
 
 
 @validation.check_arguments
@@ -393,25 +369,6 @@ def simulate_as_instant(scene: Scene) -> Simulation:
     except KickdynError as error:
         note = f"which cannot be computed: {error}"
     return replace(answer, scene=scene, model_error=size, note=note)
-
-
-def measure_effects(
-    full: Simulation, report: Callable[[str], None] = lambda _: None
-) -> list[EffectSize]:
-    """Measure every effect of a scene, in the order of `EFFECTS`, with it and without.
-
-    Impact and path are computed as in the simulation, with its tolerances. A contact time that it
-    neglects has the size of its `model_error`. `report` is called with each effect's name.
-    """
-    scene, sizes = full.scene, []
-    for effect in effects_of(scene):
-        report(effect.name)
-        if effect.name in full.neglected:
-            sizes.append(EffectSize(effect.name, full.model_error, math.nan, "", full.seconds))
-            continue
-        began = time.process_time()
-        sizes.append(replace(_measure(effect, full), seconds=time.process_time() - began))
-    return sizes
 
 
 def _measure(effect: Effect, full: Simulation) -> EffectSize:

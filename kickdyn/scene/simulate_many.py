@@ -105,9 +105,8 @@ def simulate_many(
         raise InvalidInput("the scene has no uncertainty: draws need one, Scene(uncertainty=...)")
     for name in scene.uncertainty:
         if name not in SOURCES:
-            raise InvalidInput(
-                f"uncertainty of {name} is not drawn: simulate_many draws {', '.join(SOURCES)}"
-            )
+            drawn = ", ".join(SOURCES)
+            raise InvalidInput(f"uncertainty of {name} is not drawn: simulate_many draws {drawn}")
     # the draws need no sensitivities, which `simulate` takes for its uncertainty
     linear = not isinstance(scene.law, str) or LAWS[scene.law].differentiate is not None
     nominal = simulate(scene if linear else scene.replace(uncertainty=None), tolerance)

@@ -5,13 +5,12 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.files import read_toml, shipped
+from kickdyn.core.files import FileName, read_toml, shipped
 from kickdyn.errors import FaultyFile, InvalidInput, SceneError, printable
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.scene_tables import TABLES, Table, joint_faults
@@ -20,7 +19,7 @@ MAX_FAULTS = 100
 """Most faults of a scene file that are listed."""
 
 
-def load_scene(path: str | PathLike[str]) -> Scene:
+def load_scene(path: FileName) -> Scene:
     """Read a scene from a TOML file.
 
     Tables and keys are defined in `kickdyn.scene.scene_tables.TABLES`; the file of a leg is looked
@@ -115,9 +114,8 @@ def _faults_of(table: Table, content: dict[str, Any]) -> list[str]:
             faults += [f"{prefix}{name} is missing" for name in group]
         elif len(present) != 1:
             which = " and ".join(present) or "none"
-            faults.append(
-                f"{table.name} has {which} of {', '.join(group)}: it must have exactly one"
-            )
+            among = ", ".join(group)
+            faults.append(f"{table.name} has {which} of {among}: it must have exactly one")
     return faults
 
 

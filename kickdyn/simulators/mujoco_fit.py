@@ -251,9 +251,9 @@ def fit_contact(
     unit = math.sqrt(stiffness)
     width, power = shape
     depth = _rounded(width * approach.speed / unit)
-    solimp = (
-        (1e-4, IMPEDANCE, depth, 0.5, power) if width else (IMPEDANCE, IMPEDANCE, 1.0, 0.5, 1.0)
-    )
+    solimp = (IMPEDANCE, IMPEDANCE, 1.0, 0.5, 1.0)
+    if width:
+        solimp = (1e-4, IMPEDANCE, depth, 0.5, power)
     friction_rate = min(4.0 / contact_time, 0.8 / step)
 
     def contact_of(unknowns: Array) -> MujocoContact:
@@ -268,9 +268,8 @@ def fit_contact(
 
     def residuals(x: Array) -> Array:
         blocks: list[Array] = []
-        for weight, case, kick in zip(
-            (1.0, *2 * (1.0 / NEIGHBOUR_FACTOR,)), cases, kicks, strict=False
-        ):
+        weights = 1.0, 1.0 / NEIGHBOUR_FACTOR, 1.0 / NEIGHBOUR_FACTOR
+        for weight, case, kick in zip(weights, cases, kicks, strict=False):
             kick.set_contact(contact_of(x))
             velocities, spins, times = simulate(kick, 4, 20.0 * contact_time)
             weight /= case.scale
@@ -290,9 +289,8 @@ def fit_contact(
             ftol=1e-4, xtol=1e-4,
         )  # fmt: skip
         contact = contact_of(solved.x)
-        errors = tuple(
-            find_error(case, kick, contact) for case, kick in zip(cases, kicks, strict=True)
-        )
+        pairs = zip(cases, kicks, strict=True)
+        errors = tuple(find_error(case, kick, contact) for case, kick in pairs)
         lasted = float(simulate(kicks[0], 8)[-1].mean())
     except KickdynError:
         return None

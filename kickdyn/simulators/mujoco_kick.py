@@ -5,6 +5,7 @@
 
 import math
 from collections.abc import Mapping
+from importlib import import_module
 from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
@@ -12,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import brentq
 
+from kickdyn.core import validation
 from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
@@ -51,13 +53,8 @@ class MujocoContact(NamedTuple):
 
 def load_mujoco() -> Any:
     """Return the module `mujoco`; raise `InvalidInput` if it is not installed."""
-    try:
-        import mujoco  # an optional package
-    except ImportError:
-        raise InvalidInput(
-            'a kick in MuJoCo needs the package mujoco: install it with pip install "kickdyn[mjcf]"'
-        ) from None
-    return mujoco
+    validation.check_installed("mujoco", "mjcf", "kicks in MuJoCo")
+    return import_module("mujoco")
 
 
 def damping_ratio(restitution: float) -> float:
@@ -248,9 +245,8 @@ def write_bodies(model: Any, geoms: Mapping[int, str], *, limits: bool = False) 
     children = model.children
 
     def body(joint: int) -> str:
-        links = "".join(
-            _link(model.jointPlacements[child].translation) for child in children[joint]
-        )
+        ends = (model.jointPlacements[child].translation for child in children[joint])
+        links = "".join(_link(end) for end in ends)
         inside = "".join(body(child) for child in children[joint])
         opening = _body(model, joint, limits=limits)
         return f"{opening}{geoms.get(joint, '')}{links}{inside}</body>\n    "
@@ -281,9 +277,7 @@ def _body(model: Any, joint: int, *, limits: bool) -> str:
         stops = limits and model.nqs[joint] == 1 and np.isfinite(ends).all()
         element += f' range="{row(ends)}"/>' if stops else "/>"
     else:
-        raise InvalidInput(
-            f"joint {model.names[joint]!r} is a {kind}: MuJoCo has no joint of this kind"
-        )
+        raise InvalidInput(f"joint {name} is a {kind}: MuJoCo has no joint of this kind")
     return (
         f'<body name={name} pos="{row(placement.translation)}" '
         f'quat="{quaternion(placement.rotation)}">'
@@ -299,9 +293,8 @@ def _link(end: Array) -> str:
     """
     if np.linalg.norm(end) < 1e-3:
         return ""
-    return (
-        f'<geom type="capsule" fromto="0 0 0 {row(end)}" size="0.02" contype="0" conaffinity="0"/>'
-    )
+    fixed = 'size="0.02" contype="0" conaffinity="0"'
+    return f'<geom type="capsule" fromto="0 0 0 {row(end)}" {fixed}/>'
 
 
 def row(values: Any) -> str:

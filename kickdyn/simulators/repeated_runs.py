@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
-from kickdyn.core.files import finite
+from kickdyn.core.files import plain
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
@@ -94,7 +94,7 @@ class NoisyRuns(ReprMixin):
             "hits": len(self.hits),
             "means": self.means.tolist() if self.hits else None,
             "deviations": self.deviations.tolist() if len(self.hits) > 1 else None,
-            "misses": [finite(miss) for miss in self.misses.tolist()],
+            "misses": plain(self.misses),
         }
 
     def _rows(self) -> Iterable[Row]:

@@ -12,6 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
+from kickdyn.core.files import attributes
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -171,15 +172,11 @@ class MujocoRun(ReprMixin):
         of_ball = {
             "ball_velocity": self.ball_after.velocity.tolist(),
             "ball_spin": self.ball_after.spin.tolist(),
-            **{name: getattr(self, name)
-               for name in ("speed_error", "direction_error", "miss", "delay")},
-        }  # fmt: skip
-        return {
-            **{name: None if self.path is None else value for name, value in of_ball.items()},
-            **{name: getattr(self, name) for name in ("upright", "foot", "seed")},
-            "margins": dict(self.margins),
-            "warnings": list(self.warnings),
+            **attributes(self, "speed_error direction_error miss delay"),
         }
+        if self.path is None:
+            of_ball = dict.fromkeys(of_ball)
+        return of_ball | attributes(self, "upright foot seed margins warnings")
 
     def _rows(self) -> Iterable[Row]:
         yield "foot", self.foot, ""
@@ -346,12 +343,10 @@ def _simulate(field: MujocoField, *, feed_forward: bool) -> _Samples:
     return _Samples(rows, ground, touched, ball)
 
 
-def _result(
-    plan: KickPlan, tuning: MujocoTuning, field: MujocoField, samples: _Samples
-) -> MujocoRun:
-    """Return the run that a simulation shows."""
+def _result(plan: KickPlan, tuning: MujocoTuning, field: MujocoField, run: _Samples) -> MujocoRun:
+    """Return the result that a simulation shows."""
     motion, robot, step = field.motion, field.motion.robot, field.timestep
-    qpos, qvel, forces = (np.array(rows) for rows in zip(*samples.rows, strict=True))
+    qpos, qvel, forces = (np.array(rows) for rows in zip(*run.rows, strict=True))
     start = math.floor(motion.begin / step)
     t = np.asarray(step * (start + np.arange(len(qpos))))
     torque = np.zeros((len(t), robot.nv))
@@ -361,9 +356,9 @@ def _result(
     margins = {
         "torque": 1.0 - float((np.abs(forces) / field.limits).max()),
         "speed": 1.0 - float(speed.max()),
-        **_ground_margins(field, samples),
+        **_ground_margins(field, run),
     }
-    touched, ball = samples.touched, samples.ball
+    touched, ball = run.touched, run.ball
     return MujocoRun(
         plan=plan, tuning=tuning, t=t, q=q, torque=torque, ball_position=qpos[:, -7:-4],
         ball_after=field.impact.ball_before if ball is None else ball,

@@ -7,6 +7,7 @@ which act once per time step and on a ball that has already entered the foot at 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
@@ -275,9 +276,8 @@ def tune_mujoco(
     scene(approach, step, MujocoContact())  # refuses a leg before the work
     cases = kick_cases(approach, duration)
     fitted = find_best(cases, step, chosen, duration, tolerance)
-    instant = strike(
-        posture, v, ball, contact, ball_velocity=ball_velocity, ball_spin=ball_spin
-    ).ball_after
+    moving: Any = {"ball_velocity": ball_velocity, "ball_spin": ball_spin}
+    instant = strike(posture, v, ball, contact, **moving).ball_after
     against_strike = cases[0]._replace(change="against kd.strike", target=instant)
     best = fitted.contact
     return MujocoTuning(

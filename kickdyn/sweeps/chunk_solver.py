@@ -138,9 +138,8 @@ class CarryTable:
         impulse = np.column_stack([slope * normal, np.zeros(len(share)), normal])
         kick = self._model.kick
         balls = launches(self._model, impulse)
-        carry, landed = carries(
-            balls, kick.ball, kick.air, FLIGHT_TOLERANCE, machine_code=self._machine_code
-        )
+        how = {"machine_code": self._machine_code}
+        carry, landed = carries(balls, kick.ball, kick.air, FLIGHT_TOLERANCE, **how)
         return np.where(landed, carry, np.nan)
 
 
@@ -298,9 +297,8 @@ class ChunkSolver:
         to_fly, table = ~doubtful, self._table
         if self.carry_tolerance > 0.0 and table is None and to_fly.any():  # of the whole grid
             impulses = answer[NORMAL, to_fly], answer[TANGENT, to_fly]
-            table = CarryTable(
-                model, self.carry_tolerance, impulses, machine_code=self._flies_in_machine_code
-            )
+            fast = self._flies_in_machine_code
+            table = CarryTable(model, self.carry_tolerance, impulses, machine_code=fast)
         if table is not None:
             to_fly &= table(answer[NORMAL], answer[TANGENT], rows[_CARRY])
         flown = np.flatnonzero(to_fly)

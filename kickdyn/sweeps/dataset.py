@@ -141,12 +141,11 @@ def variables_of(outcome: PostureOutcome, kick: Kick) -> dict[str, float]:
     impact = outcome.impact
     if impact is None:
         return dict.fromkeys(VARIABLES, math.nan)
+    mass = float(impact.effective_mass)
     return {
-        "effective_mass": float(impact.effective_mass),
+        "effective_mass": mass,
         "impulse": math.hypot(*impact.impulse),
-        "immovable_impulse": normal_impulse(
-            impact.approach_speed, kick.restitution_used, impact.effective_mass
-        ),
+        "immovable_impulse": normal_impulse(impact.approach_speed, kick.restitution_used, mass),
         "ball_speed": float(impact.ball_after.speed),
         "speed_ratio": impact.speed_ratio,
         "launch_angle": float(impact.ball_after.elevation),

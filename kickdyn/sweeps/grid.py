@@ -197,14 +197,11 @@ def _sampled(axes: Mapping[str, Array], samples: int | str) -> dict[str, Array]:
     lengths = {name: len(values) for name, values in axes.items()}
     if isinstance(samples, str):
         if samples != "list":
-            raise InvalidInput(
-                f"samples is {samples!r}: it must be 'list' or the number of postures of a sample"
-            )
+            raise InvalidInput(f"samples is {samples!r}: it must be 'list' or a number of postures")
         if len(set(lengths.values())) > 1:
             counts = ", ".join(f"{name} {length}" for name, length in lengths.items())
-            raise InvalidInput(
-                f"joints have different numbers of values, {counts}: a list needs equal ones"
-            )
+            different = f"joints have different numbers of values, {counts}"
+            raise InvalidInput(f"{different}: a list needs equal ones")
         check_size((max(lengths.values()),), MOST_SAMPLES)
         return dict(axes)
     n = validation.whole("samples", samples, at_least=1, at_most=MOST_SAMPLES)
@@ -293,10 +290,8 @@ def _checked_axis(leg: Leg, name: str, given: ArrayLike, *, ascending: bool) -> 
             raise InvalidInput(f"joint {name} mimics {mimic.driver}: sweep {mimic.driver} instead")
     values = np.atleast_1d(validation.floats(f"joint {name}", given))
     if values.ndim != 1 or not values.size or (ascending and not (np.diff(values) > 0).all()):
-        order = "ascending, " if ascending else "of "
-        raise InvalidInput(
-            f"joint {name} has {validation.brief(given)}: its values must be {order}shape (k,)"
-        )
+        order, shown = "ascending, " if ascending else "of ", validation.brief(given)
+        raise InvalidInput(f"joint {name} has {shown}: its values must be {order}shape (k,)")
     _check_range(leg, name, values, "swept")
     return values
 

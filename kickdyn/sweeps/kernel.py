@@ -168,9 +168,8 @@ class Kernel:
         # how many postures in a row share a value of each joint
         repeats = np.append(np.cumprod(grid.shape[:0:-1], dtype=np.int64)[::-1], 1)
         self._repeats = np.broadcast_to(repeats, len(grid.axes)).tolist()
-        self._tables = [
-            self._motion(k, q) for k, q in zip(self._joints, grid.axes.values(), strict=True)
-        ]
+        pairs = zip(self._joints, grid.axes.values(), strict=True)
+        self._tables = [self._motion(k, q) for k, q in pairs]
 
     def __call__(self, first: int, count: int, *, joint_impulses: bool = True) -> Array:
         """Return the answers of `count` postures from number `first` on, shape `(ROWS, count)`.

@@ -69,9 +69,7 @@ def condition(data: xr.Dataset, text: str) -> xr.DataArray:
             f"condition {text[:100]!r} cannot be read: it consists of {_LANGUAGE}"
         ) from None
     if result.dtype != bool:
-        raise InvalidInput(
-            f"condition {text[:100]!r} is a number: compare it, as in ball_speed > 1"
-        )
+        raise InvalidInput(f"condition {text[:100]!r} is a number: compare it, as ball_speed > 1")
     return result
 
 

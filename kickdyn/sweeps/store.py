@@ -22,7 +22,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
-from os import PathLike
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from kickdyn.core import validation
-from kickdyn.core.files import replacing
+from kickdyn.core.files import FileName, checked_ending, replacing
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.sweeps.dataset import STATUS_ATTRIBUTES, VARIABLES, attributes_of, difference
@@ -62,7 +62,7 @@ class SweepStore:
 
     def __init__(
         self,
-        path: str | PathLike[str],
+        path: FileName,
         described: xr.Dataset,
         variables: Sequence[str],
         chunk: int,
@@ -202,7 +202,7 @@ class SweepStore:
             os.close(folder)
 
 
-def check_store(path: str | PathLike[str], *, resume: bool) -> Path:
+def check_store(path: FileName, *, resume: bool) -> Path:
     """Return the path of a store to write; raise `InvalidInput` where it cannot be one.
 
     With `resume` the store may exist.
@@ -221,7 +221,7 @@ def check_store(path: str | PathLike[str], *, resume: bool) -> Path:
 
 
 @validation.check_arguments
-def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
+def open_sweep(path: FileName) -> xr.Dataset:
     """Open a sweep from a file: a Zarr store, finished or not, or a netCDF file.
 
     Args:
@@ -318,16 +318,12 @@ def _damage(file: Path) -> str:
     return "" if len(content) > 4 and checksum(content[:-4]) == stored else "is damaged"
 
 
-def check_netcdf_name(path: str | PathLike[str]) -> None:
+def check_netcdf_name(path: FileName) -> None:
     """Raise `InvalidInput` unless the name ends in `.nc`."""
-    if Path(path).suffix != ".nc":
-        raise InvalidInput(
-            f"{path} has no known extension: a sweep is written as .nc (netCDF 4) or .zarr (a "
-            "store)"
-        )
+    checked_ending(path, (".nc",), "a sweep is written as .zarr (a store) or, as netCDF 4,")
 
 
-def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
+def save_netcdf(data: xr.Dataset, path: FileName) -> None:
     """Write a dataset as netCDF 4, which `open_sweep` reads, or raise `InvalidInput`."""
     check_netcdf_name(path)
     how = {"dtype": "f4", "zlib": True, "complevel": 1, "shuffle": True, "fletcher32": True}
@@ -339,7 +335,7 @@ def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
         draft.write_bytes(file.getvalue())
 
 
-def _checked_path(path: str | PathLike[str]) -> Path:
+def _checked_path(path: FileName) -> Path:
     if "\0" in str(path):
         raise InvalidInput(f"path is {path!r}: it must be the name of a folder or file")
     try:
@@ -350,10 +346,5 @@ def _checked_path(path: str | PathLike[str]) -> Path:
 
 
 def _zarr() -> Any:
-    try:
-        import zarr
-    except ImportError:
-        raise InvalidInput(
-            'Zarr stores need the package zarr: install it with pip install "kickdyn[store]"'
-        ) from None
-    return zarr
+    validation.check_installed("zarr", "store", "Zarr stores")
+    return import_module("zarr")

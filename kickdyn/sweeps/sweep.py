@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from functools import lru_cache, partial
-from os import PathLike
 from pathlib import Path
 from typing import Literal
 
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from kickdyn.core import validation
 from kickdyn.core.executors import STOPPED, in_order, reason_of_stop
-from kickdyn.core.files import replacing
+from kickdyn.core.files import FileName, replacing
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.robot.leg import Leg
@@ -48,7 +47,7 @@ def sweep(
     kick: Kick,
     *,
     samples: int | Literal["list"] | None = None,
-    store: str | PathLike[str] | None = None,
+    store: FileName | None = None,
     variables: Iterable[str] | None = None,
     resume: bool = False,
     tolerance: float = CARRY_TOLERANCE,

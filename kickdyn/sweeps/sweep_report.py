@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from kickdyn.contact import Contact
-from kickdyn.core.files import finite
+from kickdyn.core.files import plain
 from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import PIPE_WIDTH, PROSE, empty_table, screen_width, wrapped
 from kickdyn.core.validation import Array, length
@@ -60,8 +60,8 @@ class ReportLine:
             "posture": self.label,
             **joint_values_by_unit(self.angles, {name: _unit(leg, name) for name in self.angles}),
             "status": self.outcome.status.value,
-            **{name: finite(value) for name, value in self.values.items()},
-            "free_effective_mass": None if impact is None else finite(impact.free_effective_mass),
+            **plain(self.values),
+            "free_effective_mass": None if impact is None else plain(impact.free_effective_mass),
             "impulse_vector": None if impact is None else impact.impulse.tolist(),
             "worst_joint": None if impact is None else impact.worst_joint[0],
             "paper_immovable_impulse": self.paper,
@@ -207,9 +207,8 @@ def table(leg: Leg, lines: Sequence[ReportLine]) -> Table:
         "impulse on a fixed body, N s": _cells(lines, "immovable_impulse", ".4g"),
     }
     if any(line.paper for line in lines):
-        rows["the same in the paper, N s"] = [
-            f"{line.paper:.3f}" if line.paper else "" for line in lines
-        ]
+        printed = [f"{line.paper:.3f}" if line.paper else "" for line in lines]
+        rows["the same in the paper, N s"] = printed
     if any(line.outcome.status is not PostureStatus.OK for line in lines):
         rows["status"] = [line.outcome.status.value for line in lines]
     result = empty_table("")
@@ -254,16 +253,14 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
     counts = ", ".join(f"{number} {name}" for name, number in summary.counts.items() if number)
     sentences.append(f"{summary.postures} postures: {counts}.")
     if summary.where is not None and summary.chosen:
-        sentences.append(
-            f"Best and worst are among the {summary.chosen} with status ok where {summary.where}."
-        )
+        among = f"among the {summary.chosen} with status ok"
+        sentences.append(f"Best and worst are {among} where {summary.where}.")
     elif summary.where is not None:
         sentences.append(f"No posture is ok where {summary.where}.")
     if math.isfinite(summary.residual):
         power = math.ceil(math.log10(max(summary.residual, 1e-17))) + 1
-        sentences.append(
-            f"The relative residuals of restitution and momentum are below 1e{power:+03d}."
-        )
+        most = f"below 1e{power:+03d}"
+        sentences.append(f"The relative residuals of restitution and momentum are {most}.")
     if differences := pinocchio_differences(lines):
         power = math.ceil(math.log10(max([*differences, 1e-17]))) + 1
         sentences.append(
@@ -285,9 +282,8 @@ def pinocchio_differences(lines: Sequence[ReportLine]) -> list[float]:
             contact = Contact(hit.contact.normal, hit.contact.restitution)
             closed = strike(hit.posture, hit.v_before, hit.ball, contact)
             other = strike_by_pinocchio(hit.posture, hit.v_before, hit.ball, contact)
-            differences.append(
-                float(length(other.impulse - closed.impulse) / length(closed.impulse))
-            )
+            change = other.impulse - closed.impulse
+            differences.append(float(length(change) / length(closed.impulse)))
     return differences
 
 

@@ -9,12 +9,11 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.view import marks
 from kickdyn.view.kick_scene import JOINT_ARROW, LEAST_JOINT_IMPULSE
-from kickdyn.view.leg_figure import curve_of
+from kickdyn.view.leg_figure import BallPath, curve_of
 
 FOLDED_CHARACTERS = 300
 """Number of characters from which the sentences below the table are folded."""
@@ -23,9 +22,7 @@ Row = tuple[str, str]
 """What it is and its value, both HTML."""
 
 
-def kick_panel(
-    impact: Impact, path: Flight | Course, text: str, warnings: Sequence[str] = ()
-) -> str:
+def kick_panel(impact: Impact, path: BallPath, text: str, warnings: Sequence[str] = ()) -> str:
     """Return the panel of a kick, with lines of plain text."""
     name = impact.posture.leg.name
     rows = [*_impact_rows(impact), *_path_rows(path)]
@@ -110,7 +107,7 @@ def _impact_rows(impact: Impact) -> list[Row]:
     return [row for row in rows if row[1]]
 
 
-def _path_rows(path: Flight | Course) -> list[Row]:
+def _path_rows(path: BallPath) -> list[Row]:
     """Return the numbers of a flight, or of a course along the ground, and how it is computed."""
     if isinstance(path, Course):
         methods = "; ".join(dict.fromkeys(flight.method for flight in path.flights))
@@ -141,7 +138,7 @@ DOT_COLOUR = 0x111111
 
 def draw_flights(
     viewer: Any,
-    paths: Mapping[str, Flight | Course],
+    paths: Mapping[str, BallPath],
     title: str,
     measured: Mapping[str, Array],
 ) -> str:
@@ -163,21 +160,18 @@ def draw_flights(
     distances = np.hypot(*(points - points[0])[:, :2].T)
     length, forward = distances.max(), marks.level_direction(points[distances.argmax()] - points[0])
     size = max(float(np.ptp(points, axis=0).max()), radius)
-    foreground = marks.box_corners(
-        np.array([start, start + 0.3 * size * marks.UP_AXIS]), 0.02 * size
-    )
+    column = np.array([start, start + 0.3 * size * marks.UP_AXIS])
+    foreground = marks.box_corners(column, 0.02 * size)
     camera = marks.camera_for(foreground, marks.box_corners(points, radius), forward)
     marks.set_stage(viewer, camera, points)
-    rows = []
+    rows, right = [], np.cross(forward, marks.UP_AXIS)
     for number, (name, path) in enumerate(paths.items()):
         curve, colour = curves[number], COLOURS[number]
         width = 1.5 * camera.curve_width(curve)
-        marks.draw_curve(
-            viewer[f"curve/{number}"], curve, width, np.cross(forward, marks.UP_AXIS), colour
-        )
+        marks.draw_curve(viewer[f"curve/{number}"], curve, width, right, colour)
         if name in measured:
-            dots = measured[name][:: max(len(measured[name]) // MOST_DOTS, 1)]
-            marks.draw_dots(viewer[f"dots/{number}"], dots, 0.0035 * size, DOT_COLOUR)
+            places = measured[name][:: max(len(measured[name]) // MOST_DOTS, 1)]
+            marks.draw_dots(viewer[f"dots/{number}"], places, 0.0035 * size, DOT_COLOUR)
         rows.append((f"{colour_key(colour)} {escape(name)}", _length(path)))
     marks.draw_ball(viewer["ball"], radius, start)
     stripe = marks.stripe_width(size)
@@ -186,15 +180,14 @@ def draw_flights(
     marks.draw_distances(viewer["distances"], floor, forward, stripe, length)
     marks.draw_axes(viewer["axes"], floor, stripe / 2)
     if measured:
-        rows.append(
-            (f"{colour_key(DOT_COLOUR)} measured", f"about {MOST_DOTS} positions per flight")
-        )
+        dots = f"about {MOST_DOTS} positions per flight"
+        rows.append((f"{colour_key(DOT_COLOUR)} measured", dots))
     origin = "first sample" if measured else "launch"
     rows.append(("distances, heights", f"from the {origin}"))
     return panel_of(title, rows)
 
 
-def _length(path: Flight | Course) -> str:
+def _length(path: BallPath) -> str:
     """Return distance, height and time of a ball's path, as text."""
     if isinstance(path, Course):
         return f"{path.distance:.4g} m along the ground, {path.duration:.3g} s"

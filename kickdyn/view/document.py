@@ -19,7 +19,6 @@ from functools import cache, partial
 from html import escape
 from importlib.resources import files
 from itertools import count
-from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -31,7 +30,7 @@ import trimesh
 import umsgpack
 from scipy.spatial.transform import Rotation
 
-from kickdyn.core.files import replacing
+from kickdyn.core.files import FileName, replacing
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 
@@ -200,7 +199,7 @@ def find_browser() -> str:
     return browser
 
 
-def save_picture(html: str, path: str | PathLike[str], time: float = 0.0) -> None:
+def save_picture(html: str, path: FileName, time: float = 0.0) -> None:
     """Write a page as a PNG, at a time from the impact [s].
 
     Raises:
@@ -283,9 +282,8 @@ def to_glb(recorder: Recorder) -> bytes:
             parent = name
         placement = np.reshape(lowered["object"]["matrix"], (4, 4)).T
         name = f"{parent}_mesh"
-        scene.add_geometry(
-            mesh, node_name=name, geom_name=name, parent_node_name=parent, transform=placement
-        )
+        where = {"node_name": name, "parent_node_name": parent, "transform": placement}
+        scene.add_geometry(mesh, geom_name=name, **where)
     named = {path.removeprefix(ROOT).replace("/", "_"): clip for path, clip in clips.items()}
     return bytes(scene.export(file_type="glb", buffer_postprocessor=partial(_animate, named)))
 

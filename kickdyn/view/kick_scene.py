@@ -12,7 +12,6 @@ from meshcat.animation import Animation
 
 from kickdyn.ball import BallState
 from kickdyn.core.validation import Array
-from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.motion.motion import Motion
@@ -24,6 +23,7 @@ from kickdyn.view import marks
 from kickdyn.view.document import draw_label
 from kickdyn.view.leg_figure import (
     CURVE_POINTS,
+    BallPath,
     DrawnRun,
     SimulatedRun,
     curve_of,
@@ -102,7 +102,7 @@ class Pace(NamedTuple):
 def draw_kick(
     viewer: Any,
     impact: Impact,
-    path: Flight | Course,
+    path: BallPath,
     scenery: Sequence[Box] = (),
     motion: Motion | None = None,
     *,
@@ -205,7 +205,7 @@ def largest_impulse(impact: Impact) -> float:
     return max(float(np.linalg.norm(impact.impulse)), impact.worst_joint[1])
 
 
-def label_end(viewer: Any, path: Flight | Course, curve: Array) -> None:
+def label_end(viewer: Any, path: BallPath, curve: Array) -> None:
     """Label the end of a path with its distance."""
     distance = path.distance if isinstance(path, Course) else path.range
     draw_label(viewer["end"], f"{distance:.3g} m", curve[-1], f"#{marks.CURVE:06x}")
@@ -240,9 +240,8 @@ def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
         Arrow(f"joint_arrows/{number}", start, impulse, JOINT_ARROW, name, number)
         for number, (name, start, impulse) in enumerate(joint_impulses_in_world(impact), start=1)
     ]
-    joints = sorted(
-        (arrow for arrow in joints if arrow.size > least), key=lambda arrow: -round(arrow.size, 9)
-    )
+    joints = [arrow for arrow in joints if arrow.size > least]
+    joints.sort(key=lambda arrow: -round(arrow.size, 9))
     return [ball, *joints] if ball.size > 0.0 else joints
 
 
@@ -308,24 +307,22 @@ def leg_configuration(impact: Impact, time: float) -> Array:
     return hold_support(impact.posture, np.where(single, within, displaced))
 
 
-def ball_pose(
-    before: BallState, path: Flight | Course, time: float, arrival: Arrival | None = None
-) -> Array:
+def ball_pose(before: BallState, path: BallPath, t: float, arrival: Arrival | None = None) -> Array:
     """Return the ball's pose at a time from the impact [s], shape `(4, 4)` [m, world frame].
 
     Without its path before the impact, the `arrival`, it then moves straight on.
     """
-    if time < 0:
-        straight = before.position + before.velocity * time
-        position = straight if arrival is None else arrival.sample(time).position
-        return np.asarray(pin.SE3(pin.exp3(before.spin * time), position).homogeneous)
-    time = min(time, path.duration)
+    if t < 0:
+        straight = before.position + before.velocity * t
+        position = straight if arrival is None else arrival.sample(t).position
+        return np.asarray(pin.SE3(pin.exp3(before.spin * t), position).homogeneous)
+    t = min(t, path.duration)
     if isinstance(path, Course):
-        times = np.linspace(0.0, time, 65)  # as if the ball turned about one axis
+        times = np.linspace(0.0, t, 65)  # as if the ball turned about one axis
         rotation = pin.exp3(np.trapezoid(path.sample(times).spin, times, axis=0))
     else:
-        rotation = path.orientation(time).as_matrix()
-    return np.asarray(pin.SE3(rotation, path.sample(time).position).homogeneous)
+        rotation = path.orientation(t).as_matrix()
+    return np.asarray(pin.SE3(rotation, path.sample(t).position).homogeneous)
 
 
 def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> float:
@@ -361,10 +358,8 @@ def _animation(
     """
     animation = Animation(default_framerate=RATE)
     # All tracks end together, so that they stay together when they repeat.
-    numbers = [*range(len(moved)), pace.end]
-    for number, time, q in zip(
-        numbers, [*pace.times, pace.times[-1]], [*moved, moved[-1]], strict=True
-    ):
+    numbers, times = [*range(len(moved)), pace.end], [*pace.times, pace.times[-1]]
+    for number, time, q in zip(numbers, times, [*moved, moved[-1]], strict=True):
         with animation.at_frame(viewer, number) as frame:
             frame["ball"].set_transform(pose_at(time))
             poses = move_leg(frame, "leg", impact.posture.leg, q)

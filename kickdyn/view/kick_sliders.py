@@ -18,8 +18,6 @@ from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg
 from kickdyn.view.show import View, show
 
-INSTALL = 'sliders need the package ipywidgets: install it with pip install "kickdyn[notebooks]"'
-
 START = {"hip": 10.0, "knee": 20.0, "ankle": -5.0}
 """Angles of the leg of a person at first [deg]; other joints are at 0."""
 
@@ -64,10 +62,9 @@ class KickSliders:
     def __init__(
         self, leg: Leg | None = None, ball: Ball | None = None, air: Air | None = None
     ) -> None:
-        try:
-            import ipywidgets
-        except ModuleNotFoundError:
-            raise InvalidInput(INSTALL) from None
+        validation.check_installed("ipywidgets", "notebooks", "sliders")
+        import ipywidgets
+
         validation.check_type(Leg, type(None), leg=leg)
         validation.check_type(Ball, type(None), ball=ball)
         validation.check_type(Air, type(None), air=air)

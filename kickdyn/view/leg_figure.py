@@ -34,6 +34,9 @@ JOINT_COLOUR: Rgba = (0.25, 0.27, 0.31, 1.0)
 """Colours of sticks and of bodies without a colour, and of the spheres at joints."""
 
 
+BallPath = Flight | Course
+"""The path of a ball through the air, or also along the ground."""
+
 CURVE = 0xF28C00
 """Colour of the flight of a simulated ball."""
 
@@ -54,7 +57,7 @@ PERSON = (
 """Cylinders and a sphere of a person above the hip: from, to, radius, over the thigh's length."""
 
 
-def curve_of(path: Flight | Course, count: int = CURVE_POINTS) -> Array:
+def curve_of(path: BallPath, count: int = CURVE_POINTS) -> Array:
     """Return points of a ball's path, evenly in time, shape `(count, 3)` [m, world frame]."""
     return np.asarray(path.sample(np.linspace(0.0, path.duration, count)).position)
 
@@ -223,9 +226,8 @@ def _sticks(leg: Leg, drawn: set[int]) -> Iterator[BodyShape]:
     lengths = [float(np.linalg.norm(end)) if parent else 0.0 for parent, end in ends]
     longest = max(lengths) or 1.0
     for joint in range(1, model.njoints):
-        next_ones = [
-            length for (parent, _), length in zip(ends, lengths, strict=True) if parent == joint
-        ]
+        pairs = zip(ends, lengths, strict=True)
+        next_ones = [length for (parent, _), length in pairs if parent == joint]
         if joint not in drawn and (any(next_ones) or not next_ones):
             yield BodyShape(joint, np.eye(4), shapes.Sphere(0.1 * longest), JOINT_COLOUR)
     for (parent, end), length in zip(ends, lengths, strict=True):
@@ -261,7 +263,7 @@ class SimulatedRun(Protocol):
     q: Array
     ball_position: Array
     ball_after: BallState
-    path: Flight | Course | None
+    path: BallPath | None
     summary: str
 
 

@@ -137,9 +137,7 @@ def _nearest_position(points: Array) -> Array:
         ((y - TOP * z).max(), (y + BOTTOM * z).min(), TOP, BOTTOM),
     ]
     depth = min((high - low) / (plus + minus) for low, high, plus, minus in bounds)
-    centre = [
-        ((low + plus * depth) + (high - minus * depth)) / 2 for low, high, plus, minus in bounds
-    ]
+    centre = [(low + high + (plus - minus) * depth) / 2 for low, high, plus, minus in bounds]
     return np.array([*centre, depth])
 
 
@@ -233,12 +231,10 @@ def draw_axes(viewer: Any, origin: Array, length: float) -> None:
     viewer.set_transform(tf.translation_matrix(origin))
 
 
-def draw_curve(
-    viewer: Any, points: Array, radii: Array, sideways: Array, colour: int = CURVE
-) -> None:
+def draw_curve(viewer: Any, points: Array, radii: Array, side: Array, colour: int = CURVE) -> None:
     """Draw a tube through points `(n, 3)` with radii `(n,)` [m], over everything else.
 
-    A line would be one pixel thin in WebGL. The unit vector `sideways` is roughly at right angles
+    A line would be one pixel thin in WebGL. The unit vector `side` is roughly at right angles
     to the curve.
     """
     moves = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -248,7 +244,7 @@ def draw_curve(
         return
     # Forward differences: central ones vanish where a ball that went straight up turns back.
     tangents = np.diff(points, axis=0, append=2 * points[-1:] - points[-2:-1])
-    normal = np.cross(tangents, sideways)
+    normal = np.cross(tangents, side)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     binormal = np.cross(tangents, normal)
     binormal /= np.linalg.norm(binormal, axis=1, keepdims=True)

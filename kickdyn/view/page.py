@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple
 from html import escape
 from os import PathLike
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,10 +12,10 @@ from meshcat.animation import Animation
 
 from kickdyn.air import Air
 from kickdyn.core import validation
-from kickdyn.core.files import replacing
+from kickdyn.core.files import FileName, checked_ending, replacing
 from kickdyn.core.representation import distance_in_words
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput, shortened
+from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
@@ -35,13 +34,12 @@ from kickdyn.view import marks
 from kickdyn.view.caption import draw_flights, kick_panel, panel_of
 from kickdyn.view.document import DrawnScene, html_document, recording_viewer, save_picture, to_glb
 from kickdyn.view.kick_scene import RATE, Pace, draw_kick
-from kickdyn.view.leg_figure import SimulatedRun, draw_leg, joint_poses, move_leg
+from kickdyn.view.leg_figure import BallPath, SimulatedRun, draw_leg, joint_poses, move_leg
 from kickdyn.view.wall_and_goal import Box, plane_boxes, wall_boxes
 
 FRAME_HEIGHT = 600
 """Height of a page in a notebook [px]."""
 
-_Path = Flight | Course
 _Comparable = Impact | Flight | Course | Launch | Pass | Identification
 _MovingSubject = Impact | KickPlan | Scene | Simulation | SimulatedRun
 _LegAlone = Leg | Posture | Motion | RecordedMotion
@@ -80,7 +78,7 @@ class Page:
             for page in self.pages.values() or [self]
         ]
 
-    def save(self, file: str | PathLike[str], at: float = 0.0) -> None:
+    def save(self, file: FileName, at: float = 0.0) -> None:
         """Write the page, a picture of it (`.png`), or its scene as binary glTF (`.glb`).
 
         A glTF file is for slides, Blender and viewers of 3-D models. It has the meshes of the first
@@ -97,12 +95,7 @@ class Page:
             KickdynError: Chromium failed.
         """
         validation.check_type(str, PathLike, file=file)
-        ending = Path(file).suffix.lower()
-        if ending not in (".html", ".htm", ".png", ".glb"):
-            raise InvalidInput(
-                f"{shortened(str(file))} has the extension {ending!r}: a page is written as .html, "
-                ".png or .glb"
-            )
+        ending = checked_ending(file, (".html", ".htm", ".png", ".glb"), "a page is written as")
         is_picture = ending == ".png"
         last = float(self.pace.times[-1]) if is_picture and self.pace else 0.0
         at = validation.number("at", at, at_least=0, at_most=last, unit="s")
@@ -129,7 +122,7 @@ def page(
     subject: (
         _MovingSubject | _LegAlone | _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable]
     ),
-    path: _Path | None = None,
+    path: BallPath | None = None,
     *,
     caption: str = "",
     scenery: Sequence[Box] = (),
@@ -164,9 +157,7 @@ def page(
     for box in scenery:
         validation.check_type(Box, scenery=box)
     if path is not None and not isinstance(subject, Impact):
-        raise InvalidInput(
-            f"path is given with a {type(subject).__name__}: it is for an Impact only"
-        )
+        raise InvalidInput(f"path is given with a {type(subject).__name__}: it is for an Impact")
     if isinstance(subject, _LegAlone):
         return _page_of_leg(subject, caption)
     if not isinstance(subject, _MovingSubject):
@@ -205,7 +196,7 @@ class _Kick(NamedTuple):
     """What a page shows of a kick; `lies` says whether the ball cannot be on a tee."""
 
     impact: Impact
-    path: _Path
+    path: BallPath
     caption: str
     motion: Motion | None = None
     scenery: Sequence[Box] = ()
@@ -214,7 +205,7 @@ class _Kick(NamedTuple):
     arrival: Arrival | None = None
 
 
-def _kick_of(subject: _MovingSubject, path: _Path | None, caption: str) -> _Kick:
+def _kick_of(subject: _MovingSubject, path: BallPath | None, caption: str) -> _Kick:
     """Return the kick that a subject has; a path is given with an `Impact` only."""
     match subject:
         case Impact():
@@ -290,7 +281,7 @@ def _comparison(
         subject = {str(number): item for number, item in enumerate(subject, start=1)}
     measured: dict[str, Array] = {}
     impacts: dict[str, Impact] = {}
-    paths: dict[str, _Path] = {}
+    paths: dict[str, BallPath] = {}
     for name, item in subject.items():
         match item:
             case Impact():
@@ -308,9 +299,7 @@ def _comparison(
     if impacts and paths:
         raise InvalidInput("a page compares flights or impacts, not both")
     if impacts:
-        return page_of_pages(
-            {name: page(impact, caption=caption) for name, impact in impacts.items()}
-        )
+        return page_of_pages({name: page(hit, caption=caption) for name, hit in impacts.items()})
     name = ("Fitted flight" if measured else "Flight") + "s" * (len(paths) > 1)
     viewer, title = recording_viewer(), caption or name
     return Page(viewer, title, draw_flights(viewer, paths, title, measured))

@@ -24,9 +24,7 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
-from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
-from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.leg import Posture
@@ -41,7 +39,7 @@ from kickdyn.view.kick_scene import (
     label_end,
     largest_impulse,
 )
-from kickdyn.view.leg_figure import curve_of, draw_leg, joint_poses
+from kickdyn.view.leg_figure import BallPath, curve_of, draw_leg, joint_poses
 from kickdyn.view.page import FRAME_HEIGHT, Page, page
 
 CURVE_POINTS = 60
@@ -74,9 +72,7 @@ class StillKick:
     `page` has the first kick of the leg, `arrow_nodes` are nodes of the arrows that are drawn now.
     """
 
-    def __init__(
-        self, impact: Impact, path: Flight | Course | None = None, caption: str = ""
-    ) -> None:
+    def __init__(self, impact: Impact, path: BallPath | None = None, caption: str = "") -> None:
         leg, ball = impact.posture.leg, impact.ball
         self.leg, viewer = leg, recording_viewer()
         path = _flown(impact, path)
@@ -102,9 +98,7 @@ class StillKick:
         self.arrow_nodes: set[str] = set()
         self.page = Page(viewer, leg.name or "leg", self._draw(viewer, impact, path, caption))
 
-    def moves(
-        self, impact: Impact, path: Flight | Course | None = None, caption: str = ""
-    ) -> Moves:
+    def moves(self, impact: Impact, path: BallPath | None = None, caption: str = "") -> Moves:
         """Return the changes of the scene for another kick of the same leg."""
         viewer = recording_viewer()
         panel = self._draw(viewer, impact, _flown(impact, path), caption)
@@ -117,7 +111,7 @@ class StillKick:
         depths = find_depths(impact.posture.leg, impact.posture.q, bottom).values()
         return np.array([*centre[:2], bottom - max(depths, default=0.0)])
 
-    def _draw(self, viewer: Any, impact: Impact, path: Flight | Course, caption: str) -> str:
+    def _draw(self, viewer: Any, impact: Impact, path: BallPath, caption: str) -> str:
         """Draw all that moves, and return the panel."""
         for joint, pose in enumerate(joint_poses(impact.posture.leg, impact.posture.q)):
             viewer[f"leg/{joint}"].set_transform(pose)
@@ -157,7 +151,7 @@ def impulse_ellipsoid(posture: Posture) -> tuple[Array, Array]:
     return radii, axes
 
 
-def _flown(impact: Impact, path: Flight | Course | None) -> Flight | Course:
+def _flown(impact: Impact, path: BallPath | None) -> BallPath:
     return fly(impact.ball_after, impact.ball, Air()) if path is None else path
 
 
@@ -225,9 +219,7 @@ class View:
         """Whether it can still be seen."""
         return self._open
 
-    def update(
-        self, subject: Any, path: Flight | Course | None = None, *, caption: str = ""
-    ) -> None:
+    def update(self, subject: Any, path: BallPath | None = None, *, caption: str = "") -> None:
         """Show another subject from where the camera is; the arguments are as for `page`.
 
         In a still view, another impact of the same leg moves the parts of the scene, within some
@@ -327,7 +319,7 @@ _view: View | None = None
 
 def show(
     subject: Any,
-    path: Flight | Course | None = None,
+    path: BallPath | None = None,
     *,
     caption: str = "",
     browser: bool | None = None,

@@ -183,7 +183,7 @@ BAD = {
 
 
 NO_MOTION = {
-    "missing.csv": (None, "no such file"), "a.bvh": (b"", "from .csv and .npz"),
+    "missing.csv": (None, "no such file"), "a.bvh": (b"", "from .csv, .npz"),
     "words.csv": (b"a,b\n1,x\n", "no table of numbers"), "empty.csv": (b"", "is empty"),
     "text.npz": (b"1,2,3", "no NPZ file"), "ragged.csv": (b"1,2\n1\n", "no table of numbers"),
 }  # fmt: skip

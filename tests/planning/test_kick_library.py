@@ -223,7 +223,7 @@ def test_a_library_is_read_for_its_ranges_only(library, tmp_path):
         make(library.file, speed=(1.0, 2.0))
     with pytest.raises(InvalidInput, match="does not exist"):
         kd.kick_library(kd.Leg.human(), tmp_path / "none.npz")
-    with pytest.raises(InvalidInput, match=r"must be \.npz"):
+    with pytest.raises(InvalidInput, match=r"written as \.npz"):
         kd.kick_library(kd.Leg.human(), tmp_path / "kicks.csv")
 
 

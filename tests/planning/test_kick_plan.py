@@ -195,15 +195,6 @@ def test_every_number_of_the_json_is_that_of_the_plan(plan):
             assert shown == pytest.approx(value, abs=2e-6), key
 
 
-def test_the_table_has_the_contact_on_its_side_of_the_centre(plan):
-    (line,) = (line for line in PlanReport(plan).table() if line.startswith("impact"))
-    (up, left), impact = contact_point(plan), plan.impact
-    sizes = np.linalg.norm(impact.impulse), np.linalg.norm(impact.posture.jacobian @ plan.v)
-    assert numbers(line)[:4] == pytest.approx([1e3 * abs(up), 1e3 * abs(left), *sizes], abs=0.06)
-    assert f"{'above' if up > 0 else 'below'} the ball's centre" in line
-    assert f"mm to the {'left' if left > 0 else 'right'}" in line
-
-
 def test_beyond_limits_names_them_and_where_the_ball_comes_down(weak):
     said = verdict(weak)
     assert "speed of knee" in said
@@ -212,18 +203,14 @@ def test_beyond_limits_names_them_and_where_the_ball_comes_down(weak):
         assert f"{value:.4g}" in said
     assert f"{50 - path.range:.3g} m from the target" in said
     assert f"{weak.share:.0%}" in said
-    reached, wished = PlanReport(weak).table()[:2]
-    assert numbers(reached)[0] == pytest.approx(weak.impact.ball_after.speed, abs=1e-4)  # digits
-    assert numbers(wished)[0] == pytest.approx(weak.launch.speed, abs=1e-4)  # digits
     rows = {name: value for name, value, _ in weak._rows()}
-    agrees(rows["launch"], weak.share * weak.launch.velocity, optimized(1e-7))
+    agrees(rows["launch"], weak.share * rows["wished launch"], optimized(1e-7))
 
 
 def test_a_wall_is_cleared_by_what_the_goal_asked_for():
     corner = kd.plan_kick(HUMAN, kd.Goal((20, 3.4, 2.1), over=(9.15, 2.0)), BALL, AIR)
-    (base,) = (line for line in PlanReport(corner).table() if line.startswith("base"))
-    turn = math.degrees(math.atan2(*corner.launch.velocity[1::-1]))
-    assert (numbers(base), base[-4:]) == ([pytest.approx(turn, abs=6e-3)], "left")
+    (turn,) = (value for name, value, _ in corner._rows() if name == "heading")
+    assert turn == pytest.approx(math.degrees(math.atan2(*corner.launch.velocity[1::-1])))
     assert numbers(describe_passage(Wall(9.15, 1.9), corner)) == [pytest.approx(0.1, abs=1e-3)]
     with pytest.raises(kd.InvalidInput, match=r"hits the wall.* 1\.\d+ m from its edge"):
         describe_passage(Wall(9.15, 2.5), corner)

@@ -1,6 +1,5 @@
 """Numbers of validation.md, paper.md and the README are those of benchmarks and of items."""
 
-import csv
 import re
 from collections import Counter
 from pathlib import Path
@@ -28,8 +27,6 @@ def rows(path):
 
 
 PAGE, SHORT = rows(EXPLANATION / "validation.md"), rows(ROOT / "README.md")
-TABLE = (EXPLANATION / "validation.csv").read_text("utf-8")
-WITH_ASSUMPTIONS = list(csv.DictReader(TABLE.splitlines()))
 
 
 @pytest.mark.slow
@@ -56,15 +53,6 @@ def test_the_rules_of_the_verdicts():
     assert validation.close((1.09, 1.0), (0.91, 1.0)) == agrees
     assert validation.close((1.11, 1.0), (0.91, 1.0)) == partly
     assert validation.sign(-0.1, 1) == disagrees
-
-
-def test_every_row_that_does_not_agree_has_its_assumptions():
-    """A number has them once, at its first row."""
-    noted = {row["row"] for row in WITH_ASSUMPTIONS if row["assumptions"]}
-    assert {row["row"] for row in WITH_ASSUMPTIONS} == {row[0] for row in PAGE if row[0][0] in "MA"}
-    for row in WITH_ASSUMPTIONS:
-        if "disagrees" in row["verdict"] or "partly" in row["verdict"]:
-            assert row["row"] in noted, row
 
 
 def test_the_readme_repeats_rows_of_the_pages_and_counts_all_of_them():

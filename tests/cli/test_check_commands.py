@@ -61,6 +61,14 @@ def test_a_urdf_has_the_masses_and_the_joints_of_pinocchio(file):
         assert [float(end) for end in ends] == [np.ceil(low - 1e-6), np.floor(high + 1e-6)]
 
 
+def test_of_a_leg_with_a_loop_no_kick_is_proposed():
+    found = kd.check(ROOT / "urdf" / "leg_fourbar.urdf")
+    assert any("legs without loops" in value for name, value, _ in found.rows if name == "note")
+    (command,) = found.commands
+    assert command.startswith("kickdyn posture-sweep")
+    assert "--loop shank_pin:rocker_b_tip" in command
+
+
 def test_an_mjcf_has_the_masses_and_the_rotors_of_mujoco():
     seen, model = rows(HUMANOID), mujoco.MjModel.from_xml_path(str(HUMANOID))
     assert seen["mass"][0] == pytest.approx(mujoco.mj_getTotalmass(model), rel=closed_form())

@@ -68,7 +68,8 @@ def test_the_front_is_that_of_all_postures(data, where):
 def test_fronts_of_random_points():
     random = np.random.default_rng(0)
     for _ in range(30):
-        points = np.column_stack([random.integers(0, 9, (40, 2)), np.arange(40)]).astype(float)
+        values = random.integers(0, 9, (40, 2)) + random.integers(-20, 20, 2)
+        points = np.column_stack([values, np.arange(40)]).astype(float)
         front = front_of(points)
         for row in points:
             assert (row[2] in front[:, 2]) != dominated(points, row)

@@ -65,27 +65,6 @@ def test_a_course_along_the_ground(end, length, time, speed):
     assert (shown["time"], shown["final speed"]) == (f"{time} s", f"{speed} m/s")
 
 
-def spinning(*spin):
-    return {"ball_after": kd.BallState(velocity=(6, 0, 8), spin=spin)}
-
-
-LITTLE = {"joint_impulses": np.array([[0, 0, 0.09], [1.2, 0, 1.6], [0, 0.05, 0]]) @ np.eye(3, 6),
-          "v_before": np.array([0.0, 0.0, 1.0])}  # fmt: skip
-
-
-@pytest.mark.parametrize(("changes", "status", "name", "value"), [
-    (spinning(0, -1e-3, 0), "landed", "spin", "0.001 rad/s"),
-    (spinning(0, 1e-13, 0), "landed", "spin", "0 rad/s"),  # rounding
-    ({"foot_velocity": np.zeros(3)}, "landed", "ball / foot speed", None),
-    (LITTLE, "landed", "hip", None),  # at rest, and below a twentieth of the largest
-    (LITTLE, "landed", "ankle", "-12.5°, 0.05 N s"),  # it moves
-    ({}, "aloft", "range", "17.25 m (still aloft)"), ({}, "at-plane", "distance", "17.25 m")
-], ids=range(7))  # fmt: skip
-def test_values_that_are_left_out_or_shown_otherwise(changes, status, name, value):
-    flight = SimpleNamespace(**{**vars(FLIGHT), "status": status})
-    assert rows(kick_panel(numbers(**changes), flight, "")).get(name) == value
-
-
 def test_names_and_texts_are_escaped(load, spoil):
     evil = "&lt;script&gt;alert(1)&lt;/script&gt;"
     leg = load(spoil(('robot name="leg"', f'robot name="{evil}"'), ('"knee"', f'"{evil}&amp;"')))
@@ -121,13 +100,6 @@ def test_every_flight_is_a_curve_along_its_path():
     assert size == pytest.approx(2 * BALL.radius, rel=1e-2)
     assert "&lt;b&gt;back&lt;/b&gt;" in page.html
     assert "<title>a &amp; b</title>" in page.html
-
-
-@pytest.mark.parametrize(("path", "numbers"), [
-    (PARABOLA, f"20 m, rises {GRAVITY / 2:.3g} m, 2 s"), (COURSE, "8 m along the ground, 4 s"),
-    (kd.fly(kd.BallState(), BALL), "0 m")], ids=["vacuum", "course", "rest"])  # fmt: skip
-def test_the_legend_has_how_far_how_high_and_how_long(path, numbers):
-    assert f"<td>{numbers}" in kd.page(path).panel
 
 
 def test_distances_lead_from_the_launch_to_the_farthest_end():

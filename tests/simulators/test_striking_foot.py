@@ -196,14 +196,14 @@ def test_an_own_model_of_the_foot_gives_the_same_launch(struck):
     assert any("16 deg off the planned one" in line for line in run.doubts)
 
 
-def test_the_motion_goes_on_to_its_impact_where_the_ball_leaves_before(struck):
+def test_the_motion_goes_on_to_its_impact_where_the_ball_leaves_before(struck, monkeypatch):
     """A ball 35 cm nearer to the foot than planned."""
     plan = by_hand()
-    approach, ball = plan.impact.approach, plan.impact.approach.ball_before
-    nearer = replace(ball, position=ball.position - 0.35 * plan.aim.ahead)
-    impact = replace(plan.impact, approach=approach._replace(ball_before=nearer))
-    worn = wearing([box()], plan=replace(plan, impact=impact))
-    run = kd.run_in_mujoco(worn, tuning=struck.tuning)
+    approach, anew = plan.impact.approach, replace(plan, impact=replace(plan.impact))
+    nearer = approach.ball_before.position - 0.35 * plan.aim.ahead
+    nearer = replace(approach.ball_before, position=nearer)
+    monkeypatch.setattr(type(approach), "ball_before", nearer)
+    run = kd.run_in_mujoco(wearing([box()], plan=anew), tuning=struck.tuning)
     assert run.ball_after.time < -0.01
     later = (run.t > run.ball_after.time) & (run.t < 0.0)
     for t, q in zip(run.t[later], run.q[later], strict=True):

@@ -107,9 +107,10 @@ LEG_LEVELS = (
 
 
 def measured_person():
-    """Return a `yeadon.Human` with these legs and a plain torso and arms."""
+    """Return a `yeadon.Human` with these legs, the right one thicker, a plain torso and arms."""
     yeadon = pytest.importorskip("yeadon")
-    leg = {f"L{side}{name}": 0.01 * float(x) for side in "jk"
+    leg = {f"L{side}{name}": 0.01 * float(x) * (1.1 if side == "k" and name[1] == "p" else 1.0)
+           for side in "jk"
            for name, x in zip(*(words.split() for words in LEG_LEVELS), strict=True)}  # fmt: skip
     arms = {name: 0.2 for name in yeadon.Human.measnames if name[1] in "ab" and name[3] == "p"}
     arms |= {name: 0.075 for name in yeadon.Human.measnames if name[1] in "ab" and name[3] == "w"}
@@ -119,7 +120,7 @@ def measured_person():
     trunk = {f"Ls{level}L": x for level, x in torso.items()}
     trunk |= {f"Ls{level}p": 0.8 if level < 4 else 0.5 for level in (0, 1, 2, 3, 5, 6, 7)}
     trunk |= {f"Ls{level}w": 0.3 for level in range(5)} | {"Ls4d": 0.15}
-    return yeadon.Human(leg | arms | trunk)
+    return yeadon.Human(leg | arms | trunk, symmetric=False)
 
 
 @pytest.mark.parametrize(("side", "medial"), [("right", 1), ("left", -1)])

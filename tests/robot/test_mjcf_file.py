@@ -153,7 +153,7 @@ def test_meshes_and_included_files_may_lie_in_named_folders(tmp_path, compiler, 
     assert leg.model.inertias[1].mass == pytest.approx(48.0)
 
 
-GEOMS = """<mujoco>
+GEOMS = """<mujoco><option><flag sensornoise="enable"/></option>
 <asset><mesh name="box" file="box.stl" scale="2 2 2"/><mesh name="flat" file="flat.stl"/></asset>
 <worldbody><geom type="plane" size="1 1 1"/><body name="object"><freejoint/><geom size="1"/></body>
 <body name="arm" pos="0 0 1"><joint name="j" axis="0 1 0" ref="90"/>

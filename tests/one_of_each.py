@@ -12,7 +12,7 @@ import kickdyn as kd
 from kickdyn.cli.check_file import FileCheck
 from kickdyn.identification.infer_impact import RestitutionFit
 from kickdyn.motion.motion import Motion
-from kickdyn.motion.recorded_motion import record
+from kickdyn.motion.motion_record import record
 from kickdyn.planning.reach import ReachRow, ReachTable
 from kickdyn.simulators.mujoco_fit import KickError
 from kickdyn.simulators.repeated_runs import NoisyRuns
@@ -45,7 +45,7 @@ def motion():
     return Motion(LEG, LEG.joint_names, *splines)
 
 
-def recorded():
+def motion_record():
     """A motion of 20 frames whose knee jumps out of its range, too fast for the leg."""
     angles = POSTURE.q + np.sin(np.arange(20) / 3.0)[:, None] * [0.3, 0.2, 0.1]
     angles[12:, 1] -= 0.5
@@ -159,8 +159,8 @@ MADE = {
     "plan": lambda: kd.plan_kick(LEG, GOAL, BALL, AIR),
     "meeting": meeting,
     "motion": motion,
-    "recorded motion": recorded,
-    "motion check": lambda: kd.check_motion(one("recorded motion"), LEG, BALL, CONTACT),
+    "motion record": motion_record,
+    "motion check": lambda: kd.check_motion(one("motion record"), LEG, BALL, CONTACT),
     "scene": scene,
     "slow scene": lambda: scene(law=kd.Compliance(contact_time=0.008)),
     "simulation": lambda: kd.simulate(scene(), 0.1),

@@ -94,10 +94,10 @@ FORMULAS = {
         map(azimuth, [run.ball_after for run in noisy.runs]), azimuth(one("plan").launch)),
     ("noisy runs", "miss, 90% of the runs"): lambda noisy: max(noisy.misses),
     ("body", "duration"): lambda body: 0.09,
-    ("recorded motion", "frames"): lambda motion: len(motion.t),
-    ("recorded motion", "smoothing, position of joints"):
+    ("motion record", "frames"): lambda motion: len(motion.t),
+    ("motion record", "smoothing, position of joints"):
         lambda motion: motion.smoothing[0][1],
-    ("recorded motion", "smoothing, velocity of joints"):
+    ("motion record", "smoothing, velocity of joints"):
         lambda motion: motion.smoothing[1][1],
     ("motion check", "frames"): lambda check: len(check.motion.t),
     ("motion check", "frames with an impact"):

@@ -174,7 +174,7 @@ MOT = "angles\nversion=1\nnRows=20\nnColumns=4\ninDegrees=yes\nendheader\n" + ""
 
 
 def motions() -> list[str]:
-    """Return recorded motions of the human leg: CSV with and without names, and NPZ."""
+    """Return motions of the human leg: CSV with and without names, and NPZ."""
     import numpy as np
 
     t = np.arange(20)[:, None] / 50.0
@@ -536,7 +536,7 @@ def run_drives(text: str, folder: Path) -> bool:
 
 
 def run_motion(text: str, folder: Path) -> bool:
-    """Read a recorded motion of the human leg, an NPZ file if it begins as one."""
+    """Read a motion of the human leg, an NPZ file if it begins as one."""
     import numpy as np
 
     import kickdyn as kd

@@ -18,7 +18,7 @@ from kickdyn.cli.option_groups import (
 from kickdyn.errors import InvalidInput, shortened
 from kickdyn.motion.check_motion import check_motion as check_recorded
 from kickdyn.motion.read_motion import BREADTH_FIRST, OF_MODEL, read_motion
-from kickdyn.motion.recorded_motion import WINDOW
+from kickdyn.motion.motion_record import WINDOW
 
 
 @command("check")

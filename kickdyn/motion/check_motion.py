@@ -18,7 +18,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.strike_many import StrikeStatus, strike_many
 from kickdyn.motion.motion import Motion
-from kickdyn.motion.recorded_motion import (
+from kickdyn.motion.motion_record import (
     GroundForces,
     RecordedMotion,
     as_recorded,

@@ -29,7 +29,7 @@ import pinocchio as pin
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.motion.motion_file import ranges_of
-from kickdyn.motion.recorded_motion import GroundForces, RecordedMotion, moved
+from kickdyn.motion.motion_record import GroundForces, RecordedMotion, moved
 from kickdyn.robot.collisions import find_self_collisions
 from kickdyn.robot.ground_clearance import TOLERANCE, Spheres, find_depths
 from kickdyn.robot.human_body import muscle_share

@@ -17,7 +17,7 @@ from kickdyn.core.files import FileName, check_file, checked_ending, read_text
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput
 from kickdyn.motion.motion_file import configurations, file_joints, ranges_of
-from kickdyn.motion.recorded_motion import LEAST_FRAMES, WINDOW, RecordedMotion, record
+from kickdyn.motion.motion_record import LEAST_FRAMES, WINDOW, RecordedMotion, record
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.names import MAX_FAULTY, listed
 from kickdyn.robot.standing import is_floating

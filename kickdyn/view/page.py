@@ -22,7 +22,7 @@ from kickdyn.flight.follow import Course
 from kickdyn.identification.identification_result import Identification
 from kickdyn.impact.impact_result import Impact
 from kickdyn.motion.motion import Motion
-from kickdyn.motion.recorded_motion import RecordedMotion
+from kickdyn.motion.motion_record import RecordedMotion
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.meeting import Arrival, arrival_of

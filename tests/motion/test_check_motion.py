@@ -8,7 +8,7 @@ from tolerances import agrees, closed_form
 
 import kickdyn as kd
 from kickdyn.core.files import shipped
-from kickdyn.motion.recorded_motion import record
+from kickdyn.motion.motion_record import record
 from kickdyn.robot.standing import StandingRobot
 
 BALL, CONTACT = kd.Ball(), kd.Contact(None, 0.7, 0.3)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
+from planned_motions import by_hand
 from tolerances import EPSILON, agrees, closed_form, differenced
 
 from kickdyn.motion.motion import SETTLING, settling
@@ -151,6 +152,9 @@ def test_a_yaml_is_a_trajectory_of_ros_from_its_begin_on(walking, tmp_path):
         agrees(point["positions"], walking.q(t)[7:], READ)
         agrees(point["velocities"], walking.v(t)[6:], READ)
         agrees(point["effort"], walking.torque(t)[6:], READ)
+    by_hand().motion.save(tmp_path / "fixed.yaml", rate=50)  # of a leg on a fixed base
+    for point in yaml.safe_load((tmp_path / "fixed.yaml").read_text("utf-8"))["points"]:
+        assert len(point["velocities"]) == len(point["effort"]) == 3
 
 
 def test_keyframes_put_mujocos_bodies_where_pinocchio_has_them(walking, tmp_path):

@@ -15,6 +15,7 @@ from tolerances import agrees, closed_form
 import kickdyn as kd
 from kickdyn.core.mechanics import rotation_between
 from kickdyn.robot.robot_file import RobotFile, Shape, Visual
+from kickdyn.robot.standing import missing_shapes
 from kickdyn.simulators.mujoco_field import MujocoField
 
 mujoco = pytest.importorskip("mujoco")
@@ -208,3 +209,14 @@ def test_the_motion_goes_on_to_its_impact_where_the_ball_leaves_before(struck, m
     later = (run.t > run.ball_after.time) & (run.t < 0.0)
     for t, q in zip(run.t[later], run.q[later], strict=True):
         assert q == pytest.approx(plan.motion.q(t), abs=0.1)
+
+
+def test_shapes_of_the_kicking_limb_that_cannot_be_read_are_named():
+    robot = kd.Leg.from_robot("g1", base="floating")
+    names = ["pelvis", "left_ankle_roll_link", "right_ankle_roll_link"]
+    lost = [Visual(name, np.eye(4), Shape.MESH, mesh="lost.stl") for name in names]
+    (line,) = missing_shapes(
+        replace(robot, file=Shapes("", Path(), "g1", drawn=lost)), kd.Support(names[1])
+    )
+    assert [name in line for name in names] == [False, False, True]
+    assert "lost.stl" in line

@@ -4,14 +4,13 @@ import math
 
 import numpy as np
 import pytest
-import trimesh
 from drawn_scene import SINGLE, DrawnScene, in_the_picture, packed_array
 from tolerances import agrees, closed_form
 
 import kickdyn as kd
 from kickdyn.view import marks
 from kickdyn.view.document import recording_viewer
-from kickdyn.view.marks import BOTTOM, LEFT, RIGHT, TOP, camera_for, set_stage
+from kickdyn.view.marks import BOTTOM, LEFT, RIGHT, TOP, camera_for
 from kickdyn.view.wall_and_goal import goal_boxes, plane_boxes, wall_boxes
 
 Y = np.array([0.0, 1.0, 0.0])
@@ -72,39 +71,6 @@ def test_axes_are_those_of_the_world_with_the_length_that_they_say():
         agrees(start, (1, 2, 3), closed_form())
         agrees(vector, 0.5 * axis, closed_form())
     assert ">x (0.5 m)<" in scene.labels
-
-
-def test_a_ball_is_a_sphere_with_twelve_dark_panels():
-    scene = drawn(marks.draw_ball, 0.11, np.array([1.0, 2.0, 3.0]))
-    dark, bright = (scene.mesh(f"x/{name}") for name in ("pentagons", "hexagons"))
-    whole = trimesh.Trimesh(dark.vertices, np.vstack([dark.faces, bright.faces]), process=False)
-    assert whole.is_watertight
-    assert whole.volume == pytest.approx(4 / 3 * np.pi * 0.11**3, rel=0.01)
-    agrees(np.linalg.norm(whole.vertices - (1, 2, 3), axis=1), np.full(len(whole.vertices), 0.11),
-           10 * SINGLE)  # fmt: skip
-    assert len(trimesh.graph.connected_components(dark.face_adjacency)) == 12
-
-
-LEG = np.array([(x, y, z) for x in (-0.1, 0.3) for y in (-0.1, 0.1) for z in (-0.9, 0.1)])
-X = np.array([1.0, 0.0, 0.0])
-
-
-def parabola(distance, height, way=X):
-    t = np.linspace(0, 1, 50)[:, None]
-    return t * distance * way + 4 * height * t * (1 - t) * (0, 0, 1) + (0.2, 0, -0.8)
-
-
-def staged(camera, points):
-    viewer = recording_viewer()
-    set_stage(viewer, camera, points)
-    return DrawnScene(viewer)
-
-
-def seen(camera, points):
-    """Return slopes of points as the page shows them."""
-    scene = staged(camera, points)
-    agrees(scene.camera(), camera, closed_form())
-    return scene.slopes(points)
 
 
 @pytest.mark.parametrize("distance", [0.0, 0.1, 1.0, 6.0, 40.0, 85.0])

@@ -87,11 +87,3 @@ def test_a_joint_whose_name_a_dataset_cannot_hold_is_refused(name, kickdyn, writ
     written("mine.urdf", kd.Leg.human().file.text.replace('"hip"', f'"{name}"'))
     ended = kickdyn(f"posture-sweep --leg mine.urdf --joint {name}=0:10:5 --out x.nc", code=2)
     assert f"joint '{name}' cannot be swept" in ended.err
-
-
-@pytest.mark.parametrize("at", ["-1", "nan", "99"])
-def test_a_moment_outside_the_flight_is_refused(at, kickdyn, monkeypatch, tmp_path):
-    monkeypatch.setattr("kickdyn.view.document.find_browser", lambda: "browser")
-    ended = kickdyn(f"view paper_kick --png a.png --at {at}", code=2)
-    assert "at least 0 and at most 0.1" in ended.err
-    assert not list(tmp_path.iterdir())

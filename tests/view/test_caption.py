@@ -102,14 +102,6 @@ def test_every_flight_is_a_curve_along_its_path():
     assert "<title>a &amp; b</title>" in page.html
 
 
-def test_distances_lead_from_the_launch_to_the_farthest_end():
-    """Wherever the launch is."""
-    far, near = (kd.fly(kd.BallState((70, -50, 1), (v, 0, 9)), BALL) for v in (12.0, 7.0))
-    labels = DrawnScene(kd.page({"near": near, "far": far})).labels
-    shown = np.array(re.findall(r'distances/\d+">([\d.]+) m<', labels), dtype=float)
-    assert 0.0 <= far.range - shown.max() < np.diff(np.sort(shown)).min()
-
-
 def test_measured_positions_are_dots_along_the_whole_flight():
     flight = kd.fly(kd.BallState(velocity=(10, 0, 8)), BALL, kd.Air(lift=None))
     track = kd.Track(times := np.linspace(0.0, 1.5, 60), flight.sample(times).position)
@@ -117,5 +109,3 @@ def test_measured_positions_are_dots_along_the_whole_flight():
     centres = DrawnScene(page).vertices("dots/0").reshape(-1, 12, 3).mean(axis=1)
     distances = np.linalg.norm(centres[:, None] - track.positions, axis=2)
     assert distances.min(axis=1).max() < 100 * SINGLE
-    assert 10 <= len(centres) <= 15
-    assert np.diff(distances.argmin(axis=1)).max() < 10

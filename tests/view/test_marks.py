@@ -10,7 +10,7 @@ from tolerances import agrees, closed_form
 import kickdyn as kd
 from kickdyn.view import marks
 from kickdyn.view.document import recording_viewer
-from kickdyn.view.marks import BOTTOM, LEFT, RIGHT, TOP, camera_for
+from kickdyn.view.marks import BOTTOM, LEFT, RIGHT, TOP, camera_for, set_stage
 from kickdyn.view.wall_and_goal import goal_boxes, plane_boxes, wall_boxes
 
 Y = np.array([0.0, 1.0, 0.0])
@@ -71,6 +71,28 @@ def test_axes_are_those_of_the_world_with_the_length_that_they_say():
         agrees(start, (1, 2, 3), closed_form())
         agrees(vector, 0.5 * axis, closed_form())
     assert ">x (0.5 m)<" in scene.labels
+
+
+LEG = np.array([(x, y, z) for x in (-0.1, 0.3) for y in (-0.1, 0.1) for z in (-0.9, 0.1)])
+X = np.array([1.0, 0.0, 0.0])
+
+
+def parabola(distance, height, way=X):
+    t = np.linspace(0, 1, 50)[:, None]
+    return t * distance * way + 4 * height * t * (1 - t) * (0, 0, 1) + (0.2, 0, -0.8)
+
+
+def staged(camera, points):
+    viewer = recording_viewer()
+    set_stage(viewer, camera, points)
+    return DrawnScene(viewer)
+
+
+def seen(camera, points):
+    """Return slopes of points as the page shows them."""
+    scene = staged(camera, points)
+    agrees(scene.camera(), camera, closed_form())
+    return scene.slopes(points)
 
 
 @pytest.mark.parametrize("distance", [0.0, 0.1, 1.0, 6.0, 40.0, 85.0])

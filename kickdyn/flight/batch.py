@@ -227,7 +227,7 @@ def carries(
 
 def seconds_of_fly(tol: float) -> float:
     """Return the processor time of one of many flights in Python, roughly [s]."""
-    return float(0.6e-3 * (1e-9 / tol) ** 0.125)
+    return float(0.8e-3 * (1e-9 / tol) ** 0.125)
 
 
 def _source(within: bool | None = None) -> Source:

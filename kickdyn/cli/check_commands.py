@@ -17,8 +17,8 @@ from kickdyn.cli.option_groups import (
 )
 from kickdyn.errors import InvalidInput, shortened
 from kickdyn.motion.check_motion import check_motion as check_recorded
-from kickdyn.motion.read_motion import BREADTH_FIRST, OF_MODEL, read_motion
 from kickdyn.motion.motion_record import WINDOW
+from kickdyn.motion.read_motion import BREADTH_FIRST, OF_MODEL, read_motion
 
 
 @command("check")

@@ -138,7 +138,7 @@ def _gap(answer: Any, exact: Any) -> float:
     return float(np.linalg.norm(np.subtract(answer, exact)) / np.linalg.norm(exact))
 
 
-class Measured(NamedTuple):
+class MeasuredFunction(NamedTuple):
     """A function that is measured: its call, for a number of rows, of a batch a mixture of them.
 
     `rounding` returns the relative error by rounding and integration, `model` is that of the model;
@@ -169,13 +169,13 @@ def mixture(q: Array, v: Array) -> tuple[Array, Array]:
     return np.tile(q, (ROWS, 1)), rows
 
 
-def functions() -> Iterator[Measured]:
+def functions() -> Iterator[MeasuredFunction]:
     """Yield every function that is measured."""
     yield from _impacts()
     yield from _flights()
 
 
-def _impacts() -> Iterator[Measured]:
+def _impacts() -> Iterator[MeasuredFunction]:
     impact, smooth = kick(FRICTION), kick(0.0)
     leg, ball, contact = impact.posture.leg, impact.ball, impact.contact
     q, v = np.radians(ANGLES), impact.v_before
@@ -185,20 +185,22 @@ def _impacts() -> Iterator[Measured]:
     def joint_impulses() -> Array:
         return strike(leg.posture(q), v, ball, contact).joint_impulses
 
-    yield Measured("strike", joint_impulses, 1, lambda: _gap(impact.impulse, exact), model)
+    yield MeasuredFunction("strike", joint_impulses, 1, lambda: _gap(impact.impulse, exact), model)
     alone, of_smooth = impulse_dynamics(smooth), _gap(smooth.impulse, compliant)
     name = "pin.impulseDynamics, bare"
-    yield Measured(name, alone, 1, lambda: _gap(alone(), EXACT[0.0]), of_smooth)
+    yield MeasuredFunction(name, alone, 1, lambda: _gap(alone(), EXACT[0.0]), of_smooth)
     alike, mixed = (np.tile(q, (ROWS, 1)), np.tile(v, (ROWS, 1))), mixture(q, v)
 
-    def batch(function: Callable[..., Any], right: Any, model: float = math.nan) -> Measured:
+    def batch(
+        function: Callable[..., Any], right: Any, model: float = math.nan
+    ) -> MeasuredFunction:
         def run(many: tuple[Array, Array] = mixed) -> Array:
             return np.asarray(function(leg, *many, ball, contact).impulse)
 
         def error() -> float:
             return _gap(run()[-1], right)
 
-        return Measured(function.__name__, run, ROWS, error, model, partial(run, alike))
+        return MeasuredFunction(function.__name__, run, ROWS, error, model, partial(run, alike))
 
     yield batch(strike_many, exact, model)
     names, steps = leg.joint_names, 0.625 * np.arange(81.0)
@@ -211,16 +213,18 @@ def _impacts() -> Iterator[Measured]:
         impulse = data.sel(angles, method="nearest").impulse
         return abs(float(impulse) / math.hypot(*exact) - 1.0)
 
-    yield Measured("sweep", lambda: sweep(leg, grid, setting, threads=1), 81**3, of_sweep, model)
+    yield MeasuredFunction(
+        "sweep", lambda: sweep(leg, grid, setting, threads=1), 81**3, of_sweep, model
+    )
     default = collide(impact.posture, v, ball, contact).impulse
-    yield Measured(
+    yield MeasuredFunction(
         "collide", lambda: collide(leg.posture(q), v, ball, contact), 1,
         lambda: _gap(default, compliant),
     )  # fmt: skip
     yield batch(collide_many, compliant)
 
 
-def _flights() -> Iterator[Measured]:
+def _flights() -> Iterator[MeasuredFunction]:
     impact, air = kick(FRICTION), Air()
     ball, launch = impact.ball, impact.ball_after
     alike = BallState(*(np.tile(vector, (ROWS, 1)) for vector in
@@ -243,9 +247,9 @@ def _flights() -> Iterator[Measured]:
         def error_of_many(many: Any = many, exact: Array = exact, ends: str = ends) -> float:
             return _gap(many()[ends].values[-1] - launch.position, exact)
 
-        yield Measured(single.__name__, one, 1, error_of_one)
+        yield MeasuredFunction(single.__name__, one, 1, error_of_one)
         same = partial(batch, alike, ball, air)
-        yield Measured(batch.__name__, many, ROWS, error_of_many, run_alike=same)
+        yield MeasuredFunction(batch.__name__, many, ROWS, error_of_many, run_alike=same)
     kicked = impact.posture, impact.v_before, ball, impact.contact
     scene = Scene(*kicked, air=air, law=Compliance(contact_time=0.01), uncertainty={"v": 0.1})
     calm, reference = scene.replace(uncertainty={}), simulate(scene, None)
@@ -254,8 +258,10 @@ def _flights() -> Iterator[Measured]:
     def of_simulation() -> float:
         return _gap(simulate(calm).end.position - launch.position, length)
 
-    yield Measured("simulate", lambda: simulate(calm), 1, of_simulation)
-    yield Measured("simulate_many", lambda: simulate_many(scene, ROWS), ROWS, lambda: math.nan)
+    yield MeasuredFunction("simulate", lambda: simulate(calm), 1, of_simulation)
+    yield MeasuredFunction(
+        "simulate_many", lambda: simulate_many(scene, ROWS), ROWS, lambda: math.nan
+    )
 
 
 def on_front(rows: Sequence[FunctionCost], kind: str) -> set[str]:

@@ -55,7 +55,7 @@ class MeasurementOptions:
         return Track.from_csv(file, [name.strip() for name in self.columns.split(",")])
 
 
-class Fit(NamedTuple):
+class FittedFlight(NamedTuple):
     """A flight that was fitted: its samples `first` to `last`, and the result."""
 
     first: int
@@ -111,7 +111,7 @@ def identify(
                 f"--start {ranges[0][0]} --end {ranges[0][1]}: they must be from 0 to "
                 f"{len(track)}, the first less than the second"
             )
-    fits: list[Fit] = []
+    fits: list[FittedFlight] = []
     failures: list[str] = []
     with busy("fitting flights") as show:
         for number, (first, last) in enumerate(ranges, start=1):
@@ -119,7 +119,7 @@ def identify(
             try:
                 part = track[first:last]
                 result = identify_flight(part, struck_ball, air, free=["spin", *fitted])
-                fits.append(Fit(first, last, result))
+                fits.append(FittedFlight(first, last, result))
             except KickdynError as error:
                 if split is None:
                     raise
@@ -138,7 +138,7 @@ def identify(
     output.name_written(*((output.plot, output.view) if fits else ()))
 
 
-def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None:
+def _print(split: Segments | None, fits: list[FittedFlight], failures: list[str]) -> None:
     """Print the segments of the track, a line for each flight, and the means over the flights."""
     lines = [] if split is None else [f"{split}\n"]
     if len(fits) == 1:
@@ -185,7 +185,7 @@ def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None
     click.echo("\n".join([*lines, *(f"not fitted: {line}" for line in failures)]))
 
 
-def _means(fits: list[Fit]) -> dict[str, FlightMean | None]:
+def _means(fits: list[FittedFlight]) -> dict[str, FlightMean | None]:
     """Return the mean of the drag coefficient, or of the factor, over the flights, by its name."""
     results = [fit.result for fit in fits]
     return {
@@ -202,7 +202,9 @@ def _unused(split: Segments) -> tuple[int, int]:
     return short, samples - sum(len(flight) for flight in split.flights)
 
 
-def _document(split: Segments | None, fits: list[Fit], failures: list[str]) -> dict[str, Any]:
+def _document(
+    split: Segments | None, fits: list[FittedFlight], failures: list[str]
+) -> dict[str, Any]:
     """Return all numbers; those that the measurement does not determine are null."""
     flights = [
         {

@@ -99,7 +99,7 @@ LANE = np.dtype([
 """Flights that are stepped side by side. Machine code passes a record by its address."""
 
 
-class Measured(NamedTuple):
+class EventValues(NamedTuple):
     """Functions of the k events of all lanes, one event after the other: `k LANES` columns."""
 
     begin: Array  # `VALUE` and `SLOPE` at the beginning of the step
@@ -130,7 +130,7 @@ def march(
     lanes, k = np.zeros(1, LANE), size // NUMBERS
     lanes["row"], lanes["fallen"], lanes["after"] = -1, _NO_EVENT, -1.0
     shapes = (2, k), (2, k), (size,), (size,), (k,), (PARTS + 1, k), (k,), (k,)
-    measured = Measured._make(map(np.zeros, shapes))
+    measured = EventValues._make(map(np.zeros, shapes))
     limits = float(rtol), float(time_limit), known
     code(reading, rates_of, values_of, flights, lanes, measured, *limits)
 
@@ -620,7 +620,9 @@ for _function in (_march, _read_within, _read_nothing):
 _equations: Any = numba.types.FunctionType(SIGNATURE)
 _lanes: Any = _typeof(np.zeros(1, LANE))
 _vector, _matrix = numba.float64[::1], numba.float64[:, ::1]
-_measured = _named_tuple([_matrix, _matrix, *(_vector,) * 3, _matrix, _vector, _vector], Measured)
+_measured = _named_tuple(
+    [_matrix, _matrix, *(_vector,) * 3, _matrix, _vector, _vector], EventValues
+)
 _reading = numba.void(_equations, _lanes, _measured, numba.int64)
 
 

@@ -29,7 +29,7 @@ from kickdyn.impact.force_model import (
     contact_stiffness,
     spring_time,
 )
-from kickdyn.impact.integrate_contact import ContactMotion, integrate_contact
+from kickdyn.impact.integrate_contact import IntegratedContact, integrate_contact
 from kickdyn.impact.leg_response import leg_response
 from kickdyn.impact.patch_contact import FootPatch, PatchContact, PatchForce, patch_of
 from kickdyn.restitution import LARGEST_DEFLECTION
@@ -67,7 +67,7 @@ class Collision(AfterApproach):
 
     approach: Approach
     tol: float
-    _motion: ContactMotion = field(repr=False)
+    _motion: IntegratedContact = field(repr=False)
 
     @cached_property
     def _end(self) -> State:
@@ -384,7 +384,7 @@ COLLIDE = MachineCode(_source, "the kernel of contacts that take time", 8.0)
 """Contacts that take time in machine code, one or many."""
 
 
-def _motion_of(equations: CompliantContact) -> ContactMotion:
+def _motion_of(equations: CompliantContact) -> IntegratedContact:
     """Return the motion from first contact to separation, with an error relative to its impulse."""
     motion, lane = _integrated(equations), equations.lane
     size = math.hypot(*equations.impulse(float(motion.times[-1]), motion.last))
@@ -399,7 +399,7 @@ def _motion_of(equations: CompliantContact) -> ContactMotion:
     return motion
 
 
-def _integrated(equations: CompliantContact) -> ContactMotion:
+def _integrated(equations: CompliantContact) -> IntegratedContact:
     """Return the motion of a contact: by machine code if it has it and pays."""
     if equations.has_machine_code and COLLIDE.pays(SECONDS_OF_COLLIDE):
         from kickdyn.impact.collide_kernel import ContactKernel

@@ -55,7 +55,7 @@ from kickdyn.impact.contact_phases import (
     limit_step,
     put_forces,
 )
-from kickdyn.impact.integrate_contact import ContactMotion
+from kickdyn.impact.integrate_contact import IntegratedContact
 from kickdyn.impact.strike_kernel import TASK
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.leg import Leg
@@ -520,7 +520,7 @@ class ContactKernel:
             aligned_zeros((1,), STATE),
         )  # fmt: skip
 
-    def motion(self, code: Any, equations: "CompliantContact") -> ContactMotion | None:
+    def motion(self, code: Any, equations: "CompliantContact") -> IntegratedContact | None:
         """Return the motion of one contact with its steps; None if digits are lost."""
         lane, nv = equations.lane_of(None), self.leg.nv
         if lane.speed[0] < LEAST_SPEED or lane.expected[0] < LEAST_TIME:
@@ -541,7 +541,7 @@ class ContactKernel:
         steps = steps[:count]
         columns = turn * np.vstack([steps[:, STEP_ROWS:], result[RESULT:]])
         times = np.append(steps[:, 0], result[1])
-        return ContactMotion(equations, times, columns, steps[:, 1:STEP_ROWS], int(result[4]))
+        return IntegratedContact(equations, times, columns, steps[:, 1:STEP_ROWS], int(result[4]))
 
     def begin(self, lanes: Any, angles: Array, columns: Array) -> tuple[Array, Array, Array]:
         """Fill in axes, arm and sliding of contacts, and the centres of the balls.

@@ -18,7 +18,7 @@ from kickdyn.impact.contact_phases import AGAIN, AT_BEGINNING, FAILED, TAKEN, TH
 
 
 @dataclass(frozen=True, eq=False)
-class ContactMotion:
+class IntegratedContact:
     """Leg and ball from first contact to separation, as they were integrated.
 
     Attributes:
@@ -98,7 +98,7 @@ def _stages(
     return np.asarray(y + h * DOP853.B.dot(rates[:STAGES]))
 
 
-def integrate_contact(equations: CompliantContact) -> ContactMotion:
+def integrate_contact(equations: CompliantContact) -> IntegratedContact:
     """Return the motion from first contact to separation, or raise `KickdynError`.
 
     It ends, too, where the foot reaches the centre of the ball.
@@ -107,7 +107,7 @@ def integrate_contact(equations: CompliantContact) -> ContactMotion:
         return _integrate(equations)
 
 
-def _integrate(equations: CompliantContact) -> ContactMotion:
+def _integrate(equations: CompliantContact) -> IntegratedContact:
     """Integrate by DOP853 with its error estimate, step by step as `collide_kernel`.
 
     The tolerance is relative to how far a column departs from uniform motion: of a foot that grazes
@@ -152,7 +152,7 @@ def _integrate(equations: CompliantContact) -> ContactMotion:
         if parted or outcome == THROUGH:
             evaluations = int(lane.calls[0])
             times, steps = np.array(begins), np.array(kinds)
-            return ContactMotion(equations, times, np.array(columns), steps, evaluations)
+            return IntegratedContact(equations, times, np.array(columns), steps, evaluations)
 
 
 def _failure(equations: CompliantContact, error: float) -> str:

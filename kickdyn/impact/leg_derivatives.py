@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.leg_response import LegResponse, Load, constraint_loads, joint_impulses
+from kickdyn.impact.leg_response import ImpulsiveLoad, LegResponse, constraint_loads, joint_impulses
 from kickdyn.robot.constraints import RANK_TOLERANCE, ConstraintProjector
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.names import listed
@@ -46,7 +46,9 @@ def leg_derivatives(
     check_fixed_axes(leg)
     model, data, nv, zero = space.model, space.data, leg.nv, space.zero_velocity
     wrench = np.concatenate([-impulse, np.zeros(3)])
-    foot = Load(leg.contact_joint, posture.rotation_world_joint, posture.contact_lever, wrench)
+    foot = ImpulsiveLoad(
+        leg.contact_joint, posture.rotation_world_joint, posture.contact_lever, wrench
+    )
     loads = [foot, *(load for _, load in constraint_loads(posture, constraint_impulses))]
     jacobians = [_jacobian(posture, load) for load in loads]
     jump = v_after - v
@@ -129,7 +131,7 @@ def joint_impulse_derivatives(
         slopes: derivatives of these.
     """
     tree = _Tree(posture, jump)
-    foot = Load(
+    foot = ImpulsiveLoad(
         posture.leg.contact_joint, posture.rotation_world_joint, posture.contact_lever,
         np.concatenate([-impulse, np.zeros(3)]),
     )  # fmt: skip
@@ -203,13 +205,13 @@ class _Tree:
                 answer[body] += np.outer(momentum / self.masses[body], slopes.mass[body - 1])
         return answer
 
-    def wrench_at(self, load: Load) -> Array:
+    def wrench_at(self, load: ImpulsiveLoad) -> Array:
         """Return the map of a load's wrench to one about the contact point, shape `(6, 6)`."""
         transform = np.eye(6)
         transform[ANGULAR, LINEAR] = pin.skew(self.poses[load.joint].act(load.lever))
         return transform
 
-    def moving_load(self, load: Load, q_slopes: Array) -> Array:
+    def moving_load(self, load: ImpulsiveLoad, q_slopes: Array) -> Array:
         """Return the derivative of a load that stays as it is while its point moves, `(6, n)`."""
         on, answer = self.moves[load.joint], np.zeros((6, q_slopes.shape[1]))
         columns, point = self.columns[:, on], self.poses[load.joint].act(load.lever)
@@ -267,7 +269,7 @@ def constrained_inverse_inertia(posture: Posture) -> Array:
     return columns.T @ columns
 
 
-def _jacobian(posture: Posture, load: Load) -> Array:
+def _jacobian(posture: Posture, load: ImpulsiveLoad) -> Array:
     """Return the Jacobian of a load's point, linear then angular, `(6, nv)` [world axes]."""
     model, data = posture.leg.workspace.model, posture.leg.workspace.data
     pin.computeJointJacobians(model, data, posture.q)
@@ -276,7 +278,9 @@ def _jacobian(posture: Posture, load: Load) -> Array:
     return np.reshape(rows, (6, model.nv))
 
 
-def _velocity_by_q(posture: Posture, load: Load, jacobian: Array, velocity: Array) -> Array:
+def _velocity_by_q(
+    posture: Posture, load: ImpulsiveLoad, jacobian: Array, velocity: Array
+) -> Array:
     """Return d(J velocity)/dq of a load's point, linear then angular, `(6, nv)` [world axes]."""
     model, data = posture.leg.workspace.model, posture.leg.workspace.data
     # In the joint's axes, then turned with them: Pinocchio's answer in aligned axes is another.

@@ -67,7 +67,7 @@ def response_to_jump(
     return LegResponse(v_after, transmitted, constraint_impulses, unbalanced)
 
 
-class Load(NamedTuple):
+class ImpulsiveLoad(NamedTuple):
     """An impulse and its moment on a joint's body, at a point of it.
 
     Attributes:
@@ -83,7 +83,7 @@ class Load(NamedTuple):
     wrench: Array
 
 
-def constraint_loads(posture: Posture, impulses: Array) -> list[tuple[slice, Load]]:
+def constraint_loads(posture: Posture, impulses: Array) -> list[tuple[slice, ImpulsiveLoad]]:
     """Return the loads of supports and loops on the bodies at their ends, with their rows of A."""
     loads = []
     for block in posture.constraint_projector.blocks if posture.constraint_projector else ():
@@ -94,7 +94,7 @@ def constraint_loads(posture: Posture, impulses: Array) -> list[tuple[slice, Loa
             if joint:  # else the ground
                 wrench = np.zeros(6)
                 wrench[: block.rows.stop - block.rows.start] = sign * impulses[block.rows]
-                loads.append((block.rows, Load(joint, rotation.T, lever, wrench)))
+                loads.append((block.rows, ImpulsiveLoad(joint, rotation.T, lever, wrench)))
     return loads
 
 

@@ -39,10 +39,10 @@ from kickdyn.motion.motion_program import (
     TOLERANCE,
     Block,
     Cost,
+    MotionSolution,
     MotionSplines,
     Multipliers,
     Rows,
-    Solution,
     SymbolicTree,
     block_solver,
     integration_weights,
@@ -315,7 +315,7 @@ class MotionProblem:
 
     def solve(
         self,
-        start: Solution,
+        start: MotionSolution,
         rest: Array,
         times: list[Array],
         *,
@@ -323,7 +323,7 @@ class MotionProblem:
         options: dict[str, Any],
         apart: Sequence[Conditions] = (),
         near: Array | None = None,
-    ) -> Solution:
+    ) -> MotionSolution:
         """Return the solution from another one, with other points, by Ipopt.
 
         Args:
@@ -385,7 +385,7 @@ class MotionProblem:
         feasible = bool(np.abs(rows - np.clip(rows, lowest, highest)).max() <= TOLERANCE)
         coefficients, share = x[:last].reshape(splines.size, n), float(x[last])
         share = 1.0 if share >= WHOLE_SHARE else share
-        return Solution(
+        return MotionSolution(
             rest,
             self._with_exact_impact(coefficients, share) if feasible else coefficients,
             share,
@@ -463,7 +463,7 @@ class MotionProblem:
         unknowns = [tree.q, tree.v, tree.a, torque, *wrenches]
         return (forces, ca.Function("margins", unknowns, [ca.vertcat(*margins)])), tuple(labels)
 
-    def effects(self, solution: Solution) -> dict[str, float]:
+    def effects(self, solution: MotionSolution) -> dict[str, float]:
         """Return about how much of the launch each limit takes, by name.
 
         It is the share that 10 % more, 1 cm or 0.1 rad would give, by the multipliers, without

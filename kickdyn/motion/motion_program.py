@@ -153,7 +153,7 @@ class Multipliers(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class MotionSolution:
     """Unknowns that Ipopt returned, with the start of a next solution."""
 
     rest: Array  # posture near which both ends are, shape `(n,)`
@@ -190,7 +190,11 @@ def multipliers_of(
 
 
 def taken_over(
-    start: Solution, moments: Array, apart: Sequence[Conditions], empty: Multipliers, forces: int
+    start: MotionSolution,
+    moments: Array,
+    apart: Sequence[Conditions],
+    empty: Multipliers,
+    forces: int,
 ) -> tuple[Array, Array]:
     """Return the multipliers of all rows and bounds at moments [s] that a solution's give.
 

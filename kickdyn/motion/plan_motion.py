@@ -12,7 +12,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.motion.kick_task import KickTask, check_limits, check_sole
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import MotionProblem
-from kickdyn.motion.motion_program import MotionSplines, Solution
+from kickdyn.motion.motion_program import MotionSolution, MotionSplines
 from kickdyn.motion.separation import Conditions, Surroundings, with_former
 from kickdyn.motion.verdict import POINTS, Nearness, Verdict, best_of
 from kickdyn.robot.leg import Leg
@@ -196,7 +196,7 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> Verdict:
     return max(others, key=lambda motion: motion.rank)
 
 
-def continue_motion(task: KickTask, start: Solution, near: Array | None = None) -> Verdict:
+def continue_motion(task: KickTask, start: MotionSolution, near: Array | None = None) -> Verdict:
     """Return the verdict on the motion of a kick next to the solution of nearly the same kick.
 
     Both have the same joints and the same local optimum, so motions in between them are nearly
@@ -274,12 +274,12 @@ class _Search:
 
     def _solve(
         self,
-        start: Solution,
+        start: MotionSolution,
         times: list[Array],
         apart: Sequence[Conditions],
         options: dict[str, Any],
         shares: tuple[float, float] = (0.0, 1.0),
-    ) -> Solution:
+    ) -> MotionSolution:
         rows = sum(len(conditions.times) for conditions in apart)
         joints = self.problem.n + rows // ROWS
         most = min(options["max_iter"], self._work.iterations(joints))
@@ -295,7 +295,7 @@ class _Search:
         self._work.left -= joints * solution.iterations
         return solution
 
-    def put_aside(self, solution: Solution, whole: Leg, limbs: list[list[int]]) -> None:
+    def put_aside(self, solution: MotionSolution, whole: Leg, limbs: list[list[int]]) -> None:
         """Put the limbs aside that the motion of a solution would hit."""
         task, splines = self.problem.task, self.problem.splines
         count = ASIDE_TIMES // len(splines.grids)
@@ -312,13 +312,13 @@ class _Search:
             posture = self.problem.stand(self.rest, at_ball=False)
             self.rest = self.rest if posture is None else posture
 
-    def again(self, start: Solution) -> Verdict:
+    def again(self, start: MotionSolution) -> Verdict:
         """Return the verdict on the solution next to the one of nearly the same kick."""
         assert start.multipliers is not None
         times, apart = start.times, start.multipliers.apart
         return Verdict(self.problem, self._solve(start, times, apart, AGAIN, (1.0, 1.0)))
 
-    def first(self, start: Solution, moves: bool, aside: Sequence[str]) -> Solution:
+    def first(self, start: MotionSolution, moves: bool, aside: Sequence[str]) -> MotionSolution:
         """Return a solution from unknowns to start from, of limits at few points.
 
         `moves` says whether they are those of a motion. Bodies at the frames `aside`, which are put
@@ -329,7 +329,7 @@ class _Search:
         apart = Nearness(problem, start, start.times, surroundings).conditions(start.times)
         return self._solve(start, start.times, apart, NEARBY if moves else FIRST)
 
-    def refine(self, solution: Solution) -> Verdict:
+    def refine(self, solution: MotionSolution) -> Verdict:
         """Return the best verdict on solutions with points added where limits are broken."""
         verdict, full = Verdict(self.problem, solution), solution.share > FULL
         verdicts: list[Verdict] = []  # the first solution keeps its limits at the points only
@@ -363,7 +363,7 @@ class _Search:
 
 def _starts(
     problem: MotionProblem, motion: Motion | None = None, share: float = 1.0
-) -> Iterator[tuple[Array, Solution]]:
+) -> Iterator[tuple[Array, MotionSolution]]:
     """Yield postures at rest and unknowns to start from.
 
     Without a motion to start from, the robot stays in a posture that touches the ball.
@@ -382,7 +382,7 @@ def _starts(
         solution = motion.solution
         if solution is not None and np.array_equal(solution.coefficients, coefficients):
             yield solution.rest, solution
-        yield coefficients[0], Solution(coefficients[0], coefficients, share, times)
+        yield coefficients[0], MotionSolution(coefficients[0], coefficients, share, times)
         return
     draw, robot = np.random.default_rng(0), problem.task.robot
     room = CENTRAL * (problem.upper - problem.lower)
@@ -395,7 +395,10 @@ def _starts(
         hit = None if at_rest is None else problem.stand(at_rest, at_ball=True)
         if at_rest is not None and hit is not None:
             reachable = True
-            yield at_rest, Solution(at_rest, np.tile(hit, (splines.size, 1)), FIRST_SHARE, times)
+            yield (
+                at_rest,
+                MotionSolution(at_rest, np.tile(hit, (splines.size, 1)), FIRST_SHARE, times),
+            )
     if not reachable:
         does = "stand at rest" if at_rest is None else "touch the ball at rest"
         raise InvalidInput(

@@ -16,7 +16,7 @@ from kickdyn.motion.limits import (
 )
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import MotionProblem
-from kickdyn.motion.motion_program import Solution, integration_weights
+from kickdyn.motion.motion_program import MotionSolution, integration_weights
 from kickdyn.motion.separation import ALLOWED, Conditions, Surroundings
 from kickdyn.motion.weight_shift import Feet, WeightShift, least_by_name
 
@@ -82,7 +82,7 @@ class Nearness:
     def __init__(
         self,
         problem: MotionProblem,
-        solution: Solution,
+        solution: MotionSolution,
         times: list[Array],
         surroundings: Surroundings | None = None,
     ) -> None:
@@ -108,7 +108,7 @@ class Verdict:
         deepest: largest depth of bodies inside each other or the ball [m].
     """
 
-    def __init__(self, problem: MotionProblem, solution: Solution) -> None:
+    def __init__(self, problem: MotionProblem, solution: MotionSolution) -> None:
         self.problem, self.solution = problem, solution
         splines = problem.splines
         self.times = splines.times(*(FINER * count for count in POINTS))

@@ -12,7 +12,7 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.paper.assumptions import BALL, DEFAULT, Coefficients, warnings_of
-from kickdyn.paper.item import Item, Verdict, shape
+from kickdyn.paper.item import Finding, Item, shape
 from kickdyn.planning.goal import Goal, nominal_velocity
 from kickdyn.planning.launch import SPEED_LIMIT, Launch, plan_launch
 
@@ -98,7 +98,7 @@ def items() -> list[Item]:
             f"{launch.speed:.4f} m/s, {math.degrees(launch.angle):.4f} deg, errors "
             f"{last.distance_error:.0e} m, {last.time_error:.0e} s"
         )
-        verdict = Verdict.OURS if launch.status == "met" else Verdict.NOT_REACHABLE
+        verdict = Finding.OURS if launch.status == "met" else Finding.NOT_REACHABLE
         name, steps = f"{NAME} {distance:g} m, {time:g} s planner steps", launch.iterations
         notes = warnings_of(last.flight)
         result.append(Item(name, None, steps, "1", verdict, why, source, notes=notes))

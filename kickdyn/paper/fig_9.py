@@ -15,7 +15,7 @@ from kickdyn.paper.assumptions import (
     launch_from_force,
     warnings_of,
 )
-from kickdyn.paper.item import FITTED, Item, Verdict, near, shape
+from kickdyn.paper.item import FITTED, Finding, Item, near, shape
 
 NAME = "Fig. 9"
 FOOT_SPEED = 1.2
@@ -57,7 +57,7 @@ def items() -> list[Item]:
             ("ball speed", speed, bound, "m/s", slow, "Eq. (10), the leg of infinite mass"),
         ):
             name = f"{NAME} case {number} {what}"
-            verdict = near(ours, paper, FITTED, Verdict.FITTED)
+            verdict = near(ours, paper, FITTED, Finding.FITTED)
             result.append(Item(name, paper, ours, unit, verdict, why, source))
     return result + varying(DEFAULT)
 

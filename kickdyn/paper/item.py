@@ -16,7 +16,7 @@ DECISIVE_RATIO = 2.0
 """Ratio of our numbers with two coefficients from which on the item depends on the coefficient."""
 
 
-class Verdict(StrEnum):
+class Finding(StrEnum):
     """How our number compares with the paper's; `MEANINGS` says it in words."""
 
     REPRODUCED = "reproduced"
@@ -28,14 +28,14 @@ class Verdict(StrEnum):
 
 
 MEANINGS = {
-    Verdict.REPRODUCED: f"predicted, and within {100 * MEASURED:g} % of the value of the test bed",
-    Verdict.SHAPE_REPRODUCED: "agrees with a curve, an order or a statement of the paper",
-    Verdict.DEPENDS: "another drag or lift coefficient, of which the paper prints none, changes "
+    Finding.REPRODUCED: f"predicted, and within {100 * MEASURED:g} % of the value of the test bed",
+    Finding.SHAPE_REPRODUCED: "agrees with a curve, an order or a statement of the paper",
+    Finding.DEPENDS: "another drag or lift coefficient, of which the paper prints none, changes "
     f"the verdict, or the value by more than a factor of {DECISIVE_RATIO:g}",
-    Verdict.FITTED: "a quantity that the paper does not give is chosen so that the paper's value "
+    Finding.FITTED: "a quantity that the paper does not give is chosen so that the paper's value "
     f"results within {100 * FITTED:g} %; the agreement confirms nothing",
-    Verdict.OURS: "the paper has no value to compare with, or only the goal",
-    Verdict.NOT_REACHABLE: "computed to be impossible under the assumptions in the note",
+    Finding.OURS: "the paper has no value to compare with, or only the goal",
+    Finding.NOT_REACHABLE: "computed to be impossible under the assumptions in the note",
 }
 
 
@@ -59,7 +59,7 @@ class Item:
     paper: float | None
     ours: float
     unit: str
-    verdict: Verdict
+    verdict: Finding
     why: str
     source: str
     variant: str = ""
@@ -87,14 +87,14 @@ class Item:
         return values
 
 
-def near(ours: float, paper: float, limit: float, verdict: Verdict = Verdict.REPRODUCED) -> Verdict:
+def near(ours: float, paper: float, limit: float, verdict: Finding = Finding.REPRODUCED) -> Finding:
     """Return the verdict where our number is within a relative limit of the paper's."""
-    return verdict if abs(ours / paper - 1) <= limit else Verdict.NOT_REACHABLE
+    return verdict if abs(ours / paper - 1) <= limit else Finding.NOT_REACHABLE
 
 
-def shape(holds: bool) -> Verdict:
+def shape(holds: bool) -> Finding:
     """Return the verdict on a curve or an order."""
-    return Verdict.SHAPE_REPRODUCED if holds else Verdict.NOT_REACHABLE
+    return Finding.SHAPE_REPRODUCED if holds else Finding.NOT_REACHABLE
 
 
 def judged(item: Item, variants: Sequence[Item], coefficients: str) -> Item:
@@ -119,4 +119,4 @@ def judged(item: Item, variants: Sequence[Item], coefficients: str) -> Item:
     )
     if changed:
         note += f", for which the verdict is {farthest.verdict}"
-    return replace(item, verdict=Verdict.DEPENDS, notes=(*item.notes, note))
+    return replace(item, verdict=Finding.DEPENDS, notes=(*item.notes, note))

@@ -12,13 +12,13 @@ from kickdyn.core.representation import empty_table, notes, screen_width
 from kickdyn.errors import InvalidInput
 from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, table_2, tables_4_5
 from kickdyn.paper.assumptions import ALTERNATIVES, DEFAULT, Coefficients
-from kickdyn.paper.item import MEANINGS, Item, Verdict, judged
+from kickdyn.paper.item import MEANINGS, Finding, Item, judged
 
-COLOURS = dict.fromkeys(Verdict, "blue") | {
-    Verdict.REPRODUCED: "green",
-    Verdict.SHAPE_REPRODUCED: "cyan",
-    Verdict.DEPENDS: "magenta",
-    Verdict.NOT_REACHABLE: "yellow",
+COLOURS = dict.fromkeys(Finding, "blue") | {
+    Finding.REPRODUCED: "green",
+    Finding.SHAPE_REPRODUCED: "cyan",
+    Finding.DEPENDS: "magenta",
+    Finding.NOT_REACHABLE: "yellow",
 }
 
 

@@ -11,7 +11,7 @@ from kickdyn.impact.laws import normal_impulse
 from kickdyn.impact.strike import strike
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
 from kickdyn.paper.fig_1 import OBSTACLE
-from kickdyn.paper.item import FITTED, Item, Verdict, near, shape
+from kickdyn.paper.item import FITTED, Finding, Item, near, shape
 from kickdyn.robot.leg import Leg, Posture
 
 NAME = "Table 2"
@@ -64,18 +64,18 @@ def items() -> list[Item]:
         totals.append(float(np.linalg.norm(impact.impulse)))
         for axis, share, paper in zip((" X", " Y", ""), (*ATTACK[::2], 1.0), printed, strict=True):
             ours = totals[-1] * float(share)
-            verdict = near(ours, paper, FITTED, Verdict.FITTED)
+            verdict = near(ours, paper, FITTED, Finding.FITTED)
             result.append(Item(f"{NAME} {name}{axis}", paper, ours, "N s", verdict, why, source))
         joint, inside = impact.worst_joint
         title, inner = f"{NAME} {name}, in the {joint}", "the largest of the joint impulses"
-        result.append(Item(title, None, inside, "N s", Verdict.OURS, inner, source))
+        result.append(Item(title, None, inside, "N s", Finding.OURS, inner, source))
         ours = normal_impulse(SPEED, RESTITUTION, impact.effective_mass, BALL.mass)
         bound, sure = (normal_impulse(SPEED, e, most, BALL.mass) for e in (RESTITUTION, 1.0))
         limit = (
             "with the mass of the ball in Eq. (10), no hip and knee angle of a search gives more "
             f"than {bound:.2g} N s at e = {RESTITUTION:g}, or {sure:.2g} N s at e = 1"
         )
-        verdict = Verdict.FITTED if printed[-1] <= sure else Verdict.NOT_REACHABLE
+        verdict = Finding.FITTED if printed[-1] <= sure else Finding.NOT_REACHABLE
         title, printed_source = f"{NAME} {name} with the ball", "Eq. (10) as printed, e = 0.8"
         result.append(Item(title, printed[-1], ours, "N s", verdict, limit, printed_source))
     return [*result, *_words(totals)]
@@ -120,7 +120,7 @@ def _words(totals: list[float]) -> list[Item]:
         f"ball's term it is {obstacle:.2f} %: that Table 2 is an impact on an immovable obstacle "
         "is an inference from this"
     )
-    falls, missed = shape(totals == sorted(totals, reverse=True)), Verdict.NOT_REACHABLE
+    falls, missed = shape(totals == sorted(totals, reverse=True)), Finding.NOT_REACHABLE
     return [
         Item(f"{NAME} a over c", None, totals[0] / totals[2], "1", falls, straight, "Section V.A"),
         Item(

@@ -32,7 +32,7 @@ from kickdyn.paper.assumptions import (
     launch_from_force,
     warnings_of,
 )
-from kickdyn.paper.item import MEASURED, Item, Verdict, near, shape
+from kickdyn.paper.item import MEASURED, Finding, Item, near, shape
 from kickdyn.robot.leg import Leg, Posture
 
 NAME = "Tables 4-5"
@@ -176,7 +176,7 @@ def items() -> list[Item]:
     )
     ratio, result = float(paths[HIGH].launch.speed) / HIGH.foot_speed, list[Item]()
     for name, ours in (("ball/foot speed ratio", ratio), ("(1 + e) s", fitted.gain)):
-        verdict = Verdict.FITTED if ours <= PASSIVE_LIMIT else Verdict.NOT_REACHABLE
+        verdict = Finding.FITTED if ours <= PASSIVE_LIMIT else Finding.NOT_REACHABLE
         result.append(Item(f"{NAME} {name}", None, ours, "1", verdict, why, source))
     result += varying(DEFAULT)
     why = 'the paper says that at 50 deg the ball "travels farthest and highest"'
@@ -217,7 +217,7 @@ def varying(choice: Coefficients) -> list[Item]:
     source = f"Eqs. (10), (15)-(21), Table 6, {choice.name}"
     for row in ROWS:
         path, why = kick(row, fitted, choice), reasons[row]
-        verdict = Verdict.REPRODUCED if row in PREDICTED else Verdict.FITTED
+        verdict = Finding.REPRODUCED if row in PREDICTED else Finding.FITTED
         for what, paper in (("", row.experiment), (" simulation", row.simulation)):
             name, close = f"{row.name} distance{what}", near(path.range, paper, MEASURED, verdict)
             notes = warnings_of(path)

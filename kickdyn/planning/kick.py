@@ -22,7 +22,7 @@ from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.interception import IncomingBall
-from kickdyn.planning.kick_limits import Balance, MuscleTorqueLimit
+from kickdyn.planning.kick_limits import Balance, KickMuscleTorqueLimit
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_problem import MUSCLES, KickProblem, kick_problem, solve_kick
 from kickdyn.planning.kick_steps import (
@@ -294,7 +294,7 @@ def motion_task(problem: KickProblem, *, both_feet: bool = False) -> "KickTask":
         np.zeros(3) if place is None else place.centre,
         none if facing is None else facing.axes,
         standing,
-        problem.find(MuscleTorqueLimit) is not None,
+        problem.find(KickMuscleTorqueLimit) is not None,
         standing.kicking_foot() if both_feet and standing is not None else None,
     )
 

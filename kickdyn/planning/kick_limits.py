@@ -25,7 +25,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.kick_terms import KickPoint, KickTerm, KickVariables, slope_by_differences
 from kickdyn.planning.problem import TOLERANCE, Bounds, Function, Kind
-from kickdyn.robot.collisions import TOUCHING, Body, Placed, Proximity
+from kickdyn.robot.collisions import TOUCHING, CollisionBody, Placed, Proximity
 from kickdyn.robot.ground_clearance import LARGEST_MESH, body_frames, extreme_spheres
 from kickdyn.robot.human_body import muscle_share, muscle_share_slope
 from kickdyn.robot.leg import Leg, Posture
@@ -61,7 +61,7 @@ DIFFERENCE_STEP = 1e-6
 """Step of the differences that stand for the derivatives of the support's impulse [rad, m]."""
 
 
-class TorqueLimit(KickTerm):
+class KickTorqueLimit(KickTerm):
     """The torque that keeps the joints' speed, gravity included, is within its limit."""
 
     kind, margin, rates_starts = Kind.INEQUALITY, 2 * TOLERANCE, False
@@ -103,7 +103,7 @@ class TorqueLimit(KickTerm):
         return _reached("torque", self._names, self.use(point))
 
 
-class SpeedLimit(Bounds[KickPoint]):
+class KickSpeedLimit(Bounds[KickPoint]):
     """The speed of each joint is within its limit, which is kept by `TOLERANCE`.
 
     A joint without a limit has that of `assumed_speed_limit`.
@@ -152,7 +152,7 @@ def _reached(what: str, names: tuple[str, ...], use: Array) -> list[str]:
     return [f"{what} of {name}" for name, share in pairs if share > 1.0 - 10 * TOLERANCE]
 
 
-class MuscleTorqueLimit(TorqueLimit):
+class KickMuscleTorqueLimit(KickTorqueLimit):
     """The torque that keeps the joints' speed is within what muscles have at this speed.
 
     Speed limits are those without torque. Rows are the distances from the limits in the positive
@@ -203,7 +203,10 @@ class BodyClearance(KickTerm):
     rates_starts = False
 
     def __init__(
-        self, robot: Leg, variables: KickVariables, pairs: Sequence[tuple[Body, Body | None]]
+        self,
+        robot: Leg,
+        variables: KickVariables,
+        pairs: Sequence[tuple[CollisionBody, CollisionBody | None]],
     ) -> None:
         contact, ball = variables.target.contact, variables.target.ball
         self._robot, self.scale, self._pairs = robot, ball.radius, pairs
@@ -223,7 +226,7 @@ class BodyClearance(KickTerm):
         pin.computeJointJacobians(model, data, posture.q)
         pin.updateFramePlacements(model, data)
 
-        def moved(body: Body | None, point: Array) -> Array:
+        def moved(body: CollisionBody | None, point: Array) -> Array:
             if body is None:
                 return posture.jacobian
             number = self._frames[body.frame]
@@ -247,7 +250,7 @@ class BodyClearance(KickTerm):
         return self._known
 
 
-def bodies_near_ball(robot: Leg) -> list[tuple[Body, None]]:
+def bodies_near_ball(robot: Leg) -> list[tuple[CollisionBody, None]]:
     """Return the bodies that can come near the ball, each with it; none without shapes."""
     posture, space = robot.posture(rest_configuration(robot)), robot.workspace
     placed = Placed(robot, body_frames(robot), space.model, space.data, posture.q)
@@ -288,7 +291,7 @@ class Balance(StanceTerm):
         return float(self.residual(posture, np.zeros(posture.leg.nv)).min())
 
 
-class Clearance(StanceTerm):
+class KickClearance(StanceTerm):
     """The kicking foot is above the ground: heights of its spheres above `CLEARANCE` [m].
 
     `robot` has the shapes of its file; `leg`, whose postures are evaluated, the same contact frame.

@@ -21,12 +21,12 @@ from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.planning.kick_limits import (
     Balance,
     BodyClearance,
-    Clearance,
     JointRange,
-    MuscleTorqueLimit,
-    SpeedLimit,
+    KickClearance,
+    KickMuscleTorqueLimit,
+    KickSpeedLimit,
+    KickTorqueLimit,
     SupportImpulse,
-    TorqueLimit,
     Upright,
     bodies_near_ball,
     check_limits,
@@ -43,7 +43,7 @@ from kickdyn.planning.kick_terms import (
     turn_to_ball,
 )
 from kickdyn.planning.problem import TOLERANCE, Function, Kind, Problem, Term
-from kickdyn.robot.collisions import Body, bodies_at, find_self_collisions
+from kickdyn.robot.collisions import CollisionBody, bodies_at, find_self_collisions
 from kickdyn.robot.ground_clearance import TOLERANCE as ON_GROUND
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import KickingChain, StandingRobot, is_floating, kicking_chain
@@ -87,7 +87,9 @@ class KickProblem:
     drawn: Array  # postures that are drawn, shape `(m, n)` [rad; m for prismatic joints]
     heading: float = 0.0  # see `robot`
     standing: StandingRobot | None = None  # the robot on its foot; None for a leg on a fixed base
-    pairs: Sequence[tuple[Body, None]] = ()  # bodies that can come near the ball, each with it
+    pairs: Sequence[
+        tuple[CollisionBody, None]
+    ] = ()  # bodies that can come near the ball, each with it
 
     def on_robot(self, point: KickPoint) -> tuple[Array, Array]:
         """Return q and v of the robot at a point, shapes `(nq,)` and `(nv,)`."""
@@ -240,13 +242,13 @@ def kick_problem(
         terms.append(_place_ball(variables, directions, ball_position, draw))
     if limits:
         check_limits(variables)
-        torque = MuscleTorqueLimit if limits == MUSCLES else TorqueLimit
-        terms += [SpeedLimit(variables), torque(variables)]
+        torque = KickMuscleTorqueLimit if limits == MUSCLES else KickTorqueLimit
+        terms += [KickSpeedLimit(variables), torque(variables)]
     cone = variables.leg.contact_normal_cone
     if cone is not None and target.contact.offset is None:  # at another point, it is unknown
         terms.append(Facing(variables, cone))
     if standing is not None:
-        terms += [Balance(standing), Clearance(standing.robot, standing.leg), Upright(standing)]
+        terms += [Balance(standing), KickClearance(standing.robot, standing.leg), Upright(standing)]
         terms.append(SupportImpulse(standing, target.impulse))
     if like.pairs:
         terms.append(BodyClearance(robot, variables, like.pairs))
@@ -319,7 +321,7 @@ def keep_apart(problem: KickProblem, pairs: Iterable[tuple[str, str]]) -> KickPr
 
 def keep_above(problem: KickProblem, ground: float) -> KickProblem:
     """Return the problem with a term that keeps the kicking foot above a ground [m]."""
-    above = Clearance(problem.robot, problem.variables.leg, ground - ON_GROUND)
+    above = KickClearance(problem.robot, problem.variables.leg, ground - ON_GROUND)
     return replace(problem, terms=(*problem.terms, above))
 
 

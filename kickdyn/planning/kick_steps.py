@@ -24,7 +24,12 @@ from kickdyn.motion.impact_target import ImpactTarget, impact_target_for, trappe
 from kickdyn.plane import Plane
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.interception import IncomingBall
-from kickdyn.planning.kick_limits import Balance, MuscleTorqueLimit, SpeedLimit, TorqueLimit
+from kickdyn.planning.kick_limits import (
+    Balance,
+    KickMuscleTorqueLimit,
+    KickSpeedLimit,
+    KickTorqueLimit,
+)
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_problem import MUSCLES, KickProblem, kick_problem
 from kickdyn.planning.kick_terms import (
@@ -308,13 +313,13 @@ def outcome_of(problem: KickProblem, point: KickPoint, objective: Objective) -> 
     """Return the state at the impact of a solution."""
     q, v = problem.on_robot(point)
     balance = problem.find(Balance)
-    torque = problem.find(TorqueLimit) or TorqueLimit(problem.variables)
+    torque = problem.find(KickTorqueLimit) or KickTorqueLimit(problem.variables)
     outcome = {
         "share": point.share,
         "value": objective.quantity(point),
-        "speed_use": float(SpeedLimit(problem.variables).use(point).max()),
+        "speed_use": float(KickSpeedLimit(problem.variables).use(point).max()),
         "torque_use": float(torque.use(point).max()),
-        "muscles": isinstance(torque, MuscleTorqueLimit),
+        "muscles": isinstance(torque, KickMuscleTorqueLimit),
         "binding": tuple(name for term in problem.terms for name in term.binding(point)),
         "balance": None if balance is None else balance.distance(point.posture),
     }

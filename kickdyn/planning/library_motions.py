@@ -21,9 +21,9 @@ from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.kick_task import KickTask
 from kickdyn.motion.motion import SETTLING
 from kickdyn.motion.motion_program import (
+    MotionSolution,
     MotionSplines,
     Multipliers,
-    Solution,
     integration_weights,
     joint_axis,
 )
@@ -163,7 +163,7 @@ def check_between(pickled: bytes, point: Array, coefficients: Array) -> Found:
         exact = kicks.with_exact_impact(task, coefficients, point)
         problem = motion_problem(task)
         times = problem.splines.times(*POINTS)
-        verdict = Verdict(problem, Solution(exact[0], exact, 1.0, times))
+        verdict = Verdict(problem, MotionSolution(exact[0], exact, 1.0, times))
         found = _found(verdict, between=True)
         if found.reason:
             return found
@@ -207,7 +207,7 @@ def _found(verdict: Verdict, *, between: bool = False) -> Found:
     return Found(reason, least, solution_arrays(verdict.solution))
 
 
-def solution_arrays(solution: Solution) -> dict[str, Any]:
+def solution_arrays(solution: MotionSolution) -> dict[str, Any]:
     """Return a solution, from which others start, as arrays for a file."""
     duals = solution.multipliers
     arrays = {
@@ -227,7 +227,7 @@ def solution_arrays(solution: Solution) -> dict[str, Any]:
     return arrays
 
 
-def solution_of(arrays: dict[str, Array]) -> Solution:
+def solution_of(arrays: dict[str, Array]) -> MotionSolution:
     """Return the solution from its arrays."""
     duals, apart = None, list[Conditions]()
     while f"apart_{len(apart)}_joints" in arrays:
@@ -236,7 +236,7 @@ def solution_of(arrays: dict[str, Array]) -> Solution:
         apart.append(Conditions((first, second), *others))
     if "points" in arrays:
         duals = Multipliers(**{name: arrays[name] for name in DUALS}, apart=apart)
-    return Solution(
+    return MotionSolution(
         arrays["rest"],
         arrays["coefficients"],
         1.0,

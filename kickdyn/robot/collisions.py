@@ -37,7 +37,7 @@ THICKNESS = 1e-3
 """Least thickness of a hull, as a share of its length."""
 
 
-class Body(NamedTuple):
+class CollisionBody(NamedTuple):
     """A convex shape of coal, with its `pin.SE3` in the frame of a name.
 
     Its origin is in its middle; `reach` is its largest distance from there [m].
@@ -63,14 +63,14 @@ class Proximity(NamedTuple):
     normal: Array
 
 
-_known: WeakKeyDictionary[Leg, dict[tuple[str, bool], list[Body]]] = WeakKeyDictionary()
+_known: WeakKeyDictionary[Leg, dict[tuple[str, bool], list[CollisionBody]]] = WeakKeyDictionary()
 """Bodies by frame, with meshes or without: reading a mesh takes a tenth of a second."""
 
 
 class BodyPairs(NamedTuple):
     """Pairs of bodies by indices, shape `(k,)`, and the `reach` of both bodies together [m]."""
 
-    bodies: list[Body]
+    bodies: list[CollisionBody]
     first: NDArray[np.int64]
     second: NDArray[np.int64]
     reach: Array
@@ -84,7 +84,7 @@ _pairs: WeakKeyDictionary[Leg, BodyPairs] = WeakKeyDictionary()
 """Pairs of bodies that must stay apart: a motion asks for them at many times."""
 
 
-def bodies_at(leg: Leg, frame: str, *, meshes: bool = True) -> list[Body]:
+def bodies_at(leg: Leg, frame: str, *, meshes: bool = True) -> list[CollisionBody]:
     """Return the convex shapes that a leg's file has at a frame, or those that are no meshes."""
     cache, key = _known.setdefault(leg, {}), (frame, meshes)
     if key not in cache:
@@ -92,7 +92,7 @@ def bodies_at(leg: Leg, frame: str, *, meshes: bool = True) -> list[Body]:
     return cache[key]
 
 
-def body_of(frame: str, spheres: Spheres) -> Body:
+def body_of(frame: str, spheres: Spheres) -> CollisionBody:
     """Return a body: a sphere, a capsule of two spheres, or the hull of points without radii."""
     import coal  # takes a tenth of a second
 
@@ -100,15 +100,15 @@ def body_of(frame: str, spheres: Spheres) -> Body:
     centre = points.mean(axis=0)
     reach = float(np.linalg.norm(points - centre, axis=1).max()) + radius
     if len(points) == 1:
-        return Body(frame, coal.Sphere(radius), pin.SE3(np.eye(3), centre), reach)
+        return CollisionBody(frame, coal.Sphere(radius), pin.SE3(np.eye(3), centre), reach)
     if len(points) == 2:
         turn = rotation_between(np.array([0.0, 0.0, 1.0]), points[1] - points[0])
         length = float(np.linalg.norm(points[1] - points[0]))
-        return Body(frame, coal.Capsule(radius, length), pin.SE3(turn, centre), reach)
+        return CollisionBody(frame, coal.Capsule(radius, length), pin.SE3(turn, centre), reach)
     corners = coal.StdVec_Vec3s()
     corners.extend(list(thickened(points) - centre))
     shape = coal.ConvexBase.convexHull(corners, True, "Qt")
-    return Body(frame, shape, pin.SE3(np.eye(3), centre), reach)
+    return CollisionBody(frame, shape, pin.SE3(np.eye(3), centre), reach)
 
 
 def thickened(points: Array) -> Array:
@@ -122,7 +122,7 @@ def thickened(points: Array) -> Array:
     return points
 
 
-def ball_proximity(body: Body, centre: Array, radius: float) -> Proximity:
+def ball_proximity(body: CollisionBody, centre: Array, radius: float) -> Proximity:
     """Return depth, point and normal of a body in a ball at a place, all in the body's frame."""
     import coal
 
@@ -143,12 +143,12 @@ class Placed:
     """The bodies of a leg at q; `frames` are numbers in the model, of the leg or a part of it."""
 
     def __init__(self, leg: Leg, frames: Mapping[str, int], model: Any, data: Any, q: Array):
-        self._leg, self._placed = leg, dict[int, tuple[Body, Any]]()
+        self._leg, self._placed = leg, dict[int, tuple[CollisionBody, Any]]()
         pin.forwardKinematics(model, data, q)
         pin.updateFramePlacements(model, data)
         self.poses = {name: data.oMf[number].copy() for name, number in frames.items()}
 
-    def bodies_near(self, point: Array, radius: float) -> list[Body]:
+    def bodies_near(self, point: Array, radius: float) -> list[CollisionBody]:
         """Return the bodies that may be inside a sphere; no mesh that is farther away is read."""
         bodies = []
         for frame, pose in self.poses.items():
@@ -167,17 +167,17 @@ class Placed:
         apart = np.linalg.norm(centres[pairs.first] - centres[pairs.second], axis=1)
         return np.asarray(apart - pairs.reach)
 
-    def near(self, pairs: BodyPairs) -> list[tuple[Body, Body]]:
+    def near(self, pairs: BodyPairs) -> list[tuple[CollisionBody, CollisionBody]]:
         """Return the pairs that may be inside each other."""
         chosen = np.flatnonzero(self.least_distances(pairs) < 0.0)
         return [(pairs.bodies[pairs.first[k]], pairs.bodies[pairs.second[k]]) for k in chosen]
 
-    def place_ball(self, centre: Array, radius: float) -> Body:
+    def place_ball(self, centre: Array, radius: float) -> CollisionBody:
         """Return a ball as a body of the frame `BALL`, which moves there [m, world frame]."""
         self.poses[BALL] = pin.SE3(np.eye(3), centre)
         return body_of(BALL, Spheres(np.zeros((1, 3)), np.array([radius])))
 
-    def _place(self, body: Body) -> Any:
+    def _place(self, body: CollisionBody) -> Any:
         """Return a body's pose in the world, of coal: it is asked for with many other bodies."""
         if id(body) not in self._placed:
             import coal
@@ -186,11 +186,13 @@ class Placed:
             self._placed[id(body)] = body, coal.Transform3s(pose.rotation, pose.translation)
         return self._placed[id(body)][1]
 
-    def proximity(self, body: Body, other: Body) -> Proximity:
+    def proximity(self, body: CollisionBody, other: CollisionBody) -> Proximity:
         """Return depth, point and normal of a body in another [m, world frame]."""
         return _proximity(body.shape, self._place(body), other.shape, self._place(other))
 
-    def find_overlaps(self, pairs: Iterable[tuple[Body, Body]]) -> dict[tuple[str, str], float]:
+    def find_overlaps(
+        self, pairs: Iterable[tuple[CollisionBody, CollisionBody]]
+    ) -> dict[tuple[str, str], float]:
         """Return the depths of bodies inside each other [m], by frames, the deepest first."""
         depths: dict[tuple[str, str], float] = {}
         for body, other in pairs:
@@ -285,7 +287,7 @@ def find_forks(leg: Leg) -> set[frozenset[str]]:
     return forks
 
 
-def _includes(bodies: Sequence[Body], point: Array) -> bool:
+def _includes(bodies: Sequence[CollisionBody], point: Array) -> bool:
     """Return whether a sphere around bodies of a frame includes a point, in the frame's axes."""
     places = np.array([body.pose.translation for body in bodies]).reshape(-1, 3)
     centre = places.sum(axis=0) / max(len(places), 1)

@@ -55,7 +55,7 @@ class Tables(StrEnum):
     DUMAS = "Dumas"
 
 
-class Segment(NamedTuple):
+class BodySegment(NamedTuple):
     """A segment of a right leg, in the axes of its link: x forward, y left, z up.
 
     Attributes:
@@ -153,7 +153,7 @@ YEADON_FOOT = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 """Axes of a foot that lies forward by the axes of one that points down."""
 
 
-def segments(source: Any, sex: Sex, side: str, height: float) -> dict[str, Segment]:
+def segments(source: Any, sex: Sex, side: str, height: float) -> dict[str, BodySegment]:
     """Return the segments of a table, or of a `yeadon.Human` [m by this height], by link."""
     if all(hasattr(source, name) for name in YEADON_SEGMENTS):
         return _yeadon(source, side, height)
@@ -162,7 +162,7 @@ def segments(source: Any, sex: Sex, side: str, height: float) -> dict[str, Segme
     return {link: _de_leva(link, row, sex) for link, row in DE_LEVA[sex].items()}
 
 
-def _yeadon(human: Any, side: str, height: float) -> dict[str, Segment]:
+def _yeadon(human: Any, side: str, height: float) -> dict[str, BodySegment]:
     """Return the segments of a `yeadon.Human`: x is left, z up, and the foot points down."""
     thigh, lower = (human.K1, human.K2) if side == "right" else (human.J1, human.J2)
     for segment in (human.P, thigh, lower):
@@ -191,7 +191,7 @@ def _yeadon(human: Any, side: str, height: float) -> dict[str, Segment]:
         length = 0.0 if link == "base" else sum(float(solid.height) for solid in solids)
         turn = YEADON_FOOT if link == "foot" else np.eye(3)
         offset = np.abs(centre - begin) * (1.0, 1.0, np.sign(centre - begin)[2])
-        segments[link] = Segment(
+        segments[link] = BodySegment(
             float(mass / human.mass),
             turn @ np.array([0.0, 0.0, -length]) / height,
             turn @ offset / height,
@@ -200,7 +200,7 @@ def _yeadon(human: Any, side: str, height: float) -> dict[str, Segment]:
     return segments
 
 
-def _de_leva(link: str, row: tuple[float, ...], sex: Sex) -> Segment:
+def _de_leva(link: str, row: tuple[float, ...], sex: Sex) -> BodySegment:
     mass, length, share, *radii = row
     length /= DE_LEVA_HEIGHT[sex]
     along = np.array([0.0, 0.0, -length])
@@ -210,10 +210,10 @@ def _de_leva(link: str, row: tuple[float, ...], sex: Sex) -> Segment:
         end, centre = (np.array([(x - HEEL_SHARE) * length, 0.0, 0.0]) for x in (1.0, share))
     elif link == "base":
         end, centre = np.zeros(3), np.array([0.0, HIP_OFFSET, (1.0 - share) * length])
-    return Segment(mass, end, centre, np.diag((length * np.array(radii)) ** 2))
+    return BodySegment(mass, end, centre, np.diag((length * np.array(radii)) ** 2))
 
 
-def _dumas(link: str, row: tuple[Any, ...], sex: Sex) -> Segment:
+def _dumas(link: str, row: tuple[Any, ...], sex: Sex) -> BodySegment:
     height, (mass, size, place, radii) = DUMAS_HEIGHT[sex], row
     centre, end = size * np.array(place), np.array([0.0, -size, 0.0])
     if link == "foot":
@@ -224,7 +224,7 @@ def _dumas(link: str, row: tuple[Any, ...], sex: Sex) -> Segment:
     roots = 0.01 * size * np.array(radii, dtype=float)
     xx, yy, zz, xy, xz, yz = (np.sign(roots) * roots**2).tolist()
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return Segment(
+    return BodySegment(
         mass,
         DUMAS_AXES @ end / height,
         DUMAS_AXES @ centre / height,
@@ -307,11 +307,13 @@ def human_leg(
     file = read_urdf(shipped_urdf("leg_human.urdf"))
     root = ElementTree.fromstring(file.text)
     medial = 1.0 if is_right else -1.0  # side of the body's middle along y
-    mirror, sized = np.array([1.0, medial, 1.0]), dict[str, Segment]()  # in kg, m and kg m2
+    mirror, sized = np.array([1.0, medial, 1.0]), dict[str, BodySegment]()  # in kg, m and kg m2
     for link, segment in segments(source, kind, side, height).items():
         share, end, centre, gyration = segment
         tensor = share * mass * height**2 * gyration * np.outer(mirror, mirror)
-        sized[link] = Segment(share * mass, mirror * end * height, mirror * centre * height, tensor)
+        sized[link] = BodySegment(
+            share * mass, mirror * end * height, mirror * centre * height, tensor
+        )
     _set_size(root, sized, height)
     for joint, strength in STRENGTH[kind].items():
         torque = strength * mass * GRAVITY * height
@@ -336,7 +338,7 @@ def human_leg(
     return replace(file, text=text), pin_model, cone
 
 
-def _set_size(root: Element, sized: Mapping[str, Segment], height: float) -> None:
+def _set_size(root: Element, sized: Mapping[str, BodySegment], height: float) -> None:
     """Give thigh, shank and foot of the template the size of segments."""
     thickness = height / TEMPLATE_HEIGHT
     ends = {"thigh": "knee", "shank": "ankle", "foot": "toe_fixed"}
@@ -356,7 +358,7 @@ def _set_size(root: Element, sized: Mapping[str, Segment], height: float) -> Non
     _stretch_shapes(_find(root, "link[@name='base']"), (thickness,) * 3)
 
 
-def _inertial(segment: Segment) -> Element:
+def _inertial(segment: BodySegment) -> Element:
     """Return the element with mass [kg], centre [m] and inertia tensor [kg m2] of a segment."""
     inertial = Element("inertial")
     SubElement(inertial, "origin", xyz=_text(segment.centre))

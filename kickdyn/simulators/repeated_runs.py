@@ -24,7 +24,7 @@ from kickdyn.planning.launch import Launch, plan_launch
 from kickdyn.robot.standing import is_floating
 from kickdyn.simulators.mujoco_field import KickNoise
 from kickdyn.simulators.run_in_mujoco import MujocoRun, run_in_mujoco
-from kickdyn.simulators.striking_foot import Foot
+from kickdyn.simulators.striking_foot import FootKind
 from kickdyn.simulators.tune_mujoco import MujocoTuning
 
 MOST_RUNS = 10_000
@@ -119,7 +119,7 @@ def run_with_noise(
     noise: KickNoise | None = None,
     tuning: MujocoTuning | None = None,
     progress: Callable[[str], None] | None = None,
-    foot: str = Foot.SHAPES,
+    foot: str = FootKind.SHAPES,
 ) -> NoisyRuns:
     """Carry out the motion of a plan with robots that differ from it, by the seeds from 0 on.
 
@@ -170,7 +170,7 @@ def refine_kick(
     plan: KickPlan,
     rounds: int = 2,
     by: str = Observer.COLLIDE,
-    foot: str = Foot.SHAPES,
+    foot: str = FootKind.SHAPES,
     library: KickLibrary | None = None,
 ) -> KickPlan:
     r"""Correct the commanded launch of a plan by the ball that a contact of 10 ms gives.
@@ -205,7 +205,7 @@ def refine_kick(
         InvalidInput: a plan without a motion, or a launch that is not in the library.
         KickdynError: a foot that misses the ball.
     """
-    chosen, kind = validation.choice("by", by, Observer), validation.choice("foot", foot, Foot)
+    chosen, kind = validation.choice("by", by, Observer), validation.choice("foot", foot, FootKind)
     validation.check_type(int, rounds=rounds)
     validation.number("rounds", rounds, at_least=1, at_most=10)
     if plan.motion is None:
@@ -242,7 +242,7 @@ class _Tried(NamedTuple):
         return float(np.linalg.norm(self.error))
 
 
-def _try(plan: KickPlan, by: Observer, foot: Foot) -> _Tried:
+def _try(plan: KickPlan, by: Observer, foot: FootKind) -> _Tried:
     """Return the plan with the error of its ball's velocity."""
     ball = _observe(plan, by, foot)
     wished = _wished_velocity(plan, ball)
@@ -275,7 +275,7 @@ def _wished_velocity(plan: KickPlan, ball: BallState) -> Array:
     return launch.velocity if met.limit is not None else met.velocity
 
 
-def _observe(plan: KickPlan, by: Observer, foot: Foot) -> BallState:
+def _observe(plan: KickPlan, by: Observer, foot: FootKind) -> BallState:
     """Return the ball that a plan gives; its time is half of the contact's duration."""
     impact = plan.impact
     if by is Observer.COLLIDE:

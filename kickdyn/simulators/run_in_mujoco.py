@@ -27,7 +27,7 @@ from kickdyn.robot.mjcf_file import quiet_mujoco
 from kickdyn.robot.standing import StandingRobot, is_floating, sole_edges
 from kickdyn.simulators.mujoco_field import KickNoise, MujocoField, draw
 from kickdyn.simulators.mujoco_kick import load_mujoco
-from kickdyn.simulators.striking_foot import Foot, find_foot, plate
+from kickdyn.simulators.striking_foot import FootKind, find_foot, plate
 from kickdyn.simulators.tune_mujoco import MujocoTuning, tune_mujoco
 
 LATEST_IMPACT = 0.1
@@ -97,7 +97,7 @@ class MujocoRun(ReprMixin):
     upright: bool
     margins: Mapping[str, float]
     seed: int | None = None
-    foot: str = Foot.PLATE.value
+    foot: str = FootKind.PLATE.value
     doubts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -205,7 +205,7 @@ def run_in_mujoco(
     tuning: MujocoTuning | None = None,
     seed: int | None = None,
     noise: KickNoise | None = None,
-    foot: str = Foot.SHAPES,
+    foot: str = FootKind.SHAPES,
 ) -> MujocoRun:
     r"""Carry out the motion of a plan in MuJoCo: drives, floor, and a contact that takes time.
 
@@ -261,7 +261,7 @@ def run_in_mujoco(
     if plan.motion is None:
         raise InvalidInput("the plan has no motion: plan it with plan_kick(..., motion=True)")
     chosen = validation.choice("controller", controller, Controller)
-    kind = validation.choice("foot", foot, Foot)
+    kind = validation.choice("foot", foot, FootKind)
     if seed is not None:
         validation.check_type(int, seed=seed)
         validation.number("seed", seed, at_least=0)
@@ -287,7 +287,7 @@ def run_in_mujoco(
     bodies = motion.robot.model.njoints - 1
     drawn = KickNoise(0, 0, 0, 0) if seed is None else noise or KickNoise()
     differs = draw(drawn, seed or 0, bodies)
-    strikes = plate(impact) if kind is Foot.PLATE else find_foot(motion, impact, differs.place)
+    strikes = plate(impact) if kind is FootKind.PLATE else find_foot(motion, impact, differs.place)
     field = MujocoField(motion, impact, standing, tuning, differs, strikes)
     field.set_gains(rooted, posture.q)
     samples = _simulate(field, feed_forward=chosen is Controller.TORQUE_PD)

@@ -11,7 +11,7 @@ from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array
 from kickdyn.impact.impact_result import Impact
 from kickdyn.motion.motion import Motion
-from kickdyn.robot.collisions import TOUCHING, Body, ball_proximity, body_of, thickened
+from kickdyn.robot.collisions import TOUCHING, CollisionBody, ball_proximity, body_of, thickened
 from kickdyn.robot.ground_clearance import Spheres, spheres_of
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.names import listed
@@ -33,7 +33,7 @@ INCLINED = math.radians(5.0)
 """Angle between the normals of the foot's shapes and of the planned impact that is named [rad]."""
 
 
-class Foot(StrEnum):
+class FootKind(StrEnum):
     """What strikes the ball: the shapes of the foot, or a plate at the contact point."""
 
     SHAPES = "shapes"
@@ -51,7 +51,7 @@ class StrikingFoot(NamedTuple):
         warnings: a line for everything that is not as it was asked for.
     """
 
-    kind: Foot
+    kind: FootKind
     geoms: dict[str, str]
     assets: str
     touchable: float
@@ -61,7 +61,7 @@ class StrikingFoot(NamedTuple):
 class _Part(NamedTuple):
     """A convex shape of the foot, in the axes of the joint, and its geom and mesh in MJCF."""
 
-    body: Body
+    body: CollisionBody
     name: str
     geom: str
     mesh: str
@@ -75,7 +75,7 @@ def plate(impact: Impact, warnings: tuple[str, ...] = ()) -> StrikingFoot:
         f'<geom name="plate" type="box" size="{HALF_PLATE} {HALF_PLATE} 0.005" '
         f'quat="{quaternion(face)}" pos="{row(point - 0.005 * normal)}"/>'
     )
-    return StrikingFoot(Foot.PLATE, {"plate": geom}, "", TOUCHABLE, warnings)
+    return StrikingFoot(FootKind.PLATE, {"plate": geom}, "", TOUCHABLE, warnings)
 
 
 def find_foot(motion: Motion, impact: Impact, place: Array) -> StrikingFoot:
@@ -95,7 +95,7 @@ def find_foot(motion: Motion, impact: Impact, place: Array) -> StrikingFoot:
         return plate(impact, (f"{line}: a plate at the contact point strikes the ball",))
     geoms, assets = {part.name: part.geom for part in parts}, "".join(part.mesh for part in parts)
     touchable = TOUCHABLE if max(depths) > 0.0 else -motion.begin
-    return StrikingFoot(Foot.SHAPES, geoms, assets, touchable, tuple(lines))
+    return StrikingFoot(FootKind.SHAPES, geoms, assets, touchable, tuple(lines))
 
 
 def _planned(impact: Impact) -> tuple[Array, Array]:

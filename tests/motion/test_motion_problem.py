@@ -20,9 +20,9 @@ from kickdyn.motion.motion_problem import SHARE, MotionProblem
 from kickdyn.motion.motion_program import (
     Block,
     Cost,
+    MotionSolution,
     MotionSplines,
     Multipliers,
-    Solution,
     SymbolicTree,
     block_solver,
     make_rows,
@@ -134,7 +134,7 @@ def test_derivatives_of_blocks_are_differences():
 def drawn_solution(problem, size=0.15):
     draw = np.random.default_rng(5)
     c = np.array([0.1, 0.3, -0.1]) + draw.normal(0.0, size, (problem.splines.size, 3))
-    return Solution(c[0], c, 1.0, problem.splines.times(2, 4))
+    return MotionSolution(c[0], c, 1.0, problem.splines.times(2, 4))
 
 
 def test_the_verdict_is_by_inverse_dynamics_on_a_finer_grid(problem):
@@ -200,7 +200,7 @@ def on_a_foot():
     task = KickTask(stands.robot, stands.leg, target_of(0.8, 0.4), np.eye(3), *free, stands)
     problem = MotionProblem(task, MotionSplines(0.5, 0.5, (3, 3)))
     c = np.random.default_rng(1).uniform(-0.2, 0.2, (problem.splines.size, problem.n))
-    return Verdict(problem, Solution(c[0], c, 1.0, problem.splines.times(2, 4)))
+    return Verdict(problem, MotionSolution(c[0], c, 1.0, problem.splines.times(2, 4)))
 
 
 def ground_margins(standing, wrench):

@@ -15,7 +15,7 @@ import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.paper import fig_8, fig_9, fig_10, reproduce, table_2, tables_4_5
 from kickdyn.paper.assumptions import ALTERNATIVES, BALL, DEFAULT, direction, launch_from_force
-from kickdyn.paper.item import MEANINGS, Item, Verdict, judged, near
+from kickdyn.paper.item import MEANINGS, Finding, Item, judged, near
 from kickdyn.paper.reproduce import SECTIONS, chosen, show
 
 by_choice = pytest.mark.parametrize("choice", [DEFAULT, *ALTERNATIVES], ids=lambda x: x.name)
@@ -266,13 +266,13 @@ def test_a_section_is_chosen_by_its_tables_and_figures():
     (2.0, 3.0, "+50.00 %"), (8.0, 7.5, "-6.25 %"), (7.5, 7.4999999, "+0.00 %"), (None, 1.0, ""),
 ])  # fmt: skip
 def test_the_difference_is_relative_to_the_paper(paper, ours, shown):
-    assert Item("a", paper, ours, "m", Verdict.REPRODUCED, "", "").difference == shown
+    assert Item("a", paper, ours, "m", Finding.REPRODUCED, "", "").difference == shown
 
 
 def test_a_number_is_reproduced_within_its_limit():
     assert near(1.09, 1.0, 0.1) == near(0.91, 1.0, 0.1) == "reproduced"
-    assert near(1.11, 1.0, 0.1) == near(0.89, 1.0, 0.1, Verdict.FITTED) == "not-reachable"
-    assert near(2.18, 2.0, 0.1, Verdict.FITTED) == "fitted"
+    assert near(1.11, 1.0, 0.1) == near(0.89, 1.0, 0.1, Finding.FITTED) == "not-reachable"
+    assert near(2.18, 2.0, 0.1, Finding.FITTED) == "fitted"
 
 
 def test_items_are_judged_by_other_coefficients_and_say_what_flies_farthest():
@@ -287,7 +287,7 @@ def test_items_are_judged_by_other_coefficients_and_say_what_flies_farthest():
 
 
 def test_a_number_that_more_than_doubles_depends_on_the_coefficient():
-    base = Item("a", None, 1.0, "m", Verdict.SHAPE_REPRODUCED, "", "")
+    base = Item("a", None, 1.0, "m", Finding.SHAPE_REPRODUCED, "", "")
 
     def varied(ours, verdict=base.verdict):
         return replace(base, ours=ours, verdict=verdict, variant=f"C = {ours}")
@@ -297,7 +297,7 @@ def test_a_number_that_more_than_doubles_depends_on_the_coefficient():
     wide = judged(base, [varied(2.1), varied(0.4)], "drag x")
     assert wide.verdict == "depends-on-coefficient"
     assert all(words in wide.notes[0] for words in ("1 m with drag x", "0.4 m with C = 0.4"))
-    other = judged(base, [varied(9.0), varied(1.1, Verdict.NOT_REACHABLE)], "drag x")
+    other = judged(base, [varied(9.0), varied(1.1, Finding.NOT_REACHABLE)], "drag x")
     assert other.verdict == "depends-on-coefficient"
     assert "1.1 m with C = 1.1" in other.notes[0]
     assert "not-reachable" in other.notes[0]

@@ -12,10 +12,10 @@ from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.planning import kick_problem as module
 from kickdyn.planning.kick_limits import (
     Balance,
-    Clearance,
-    SpeedLimit,
+    KickClearance,
+    KickSpeedLimit,
+    KickTorqueLimit,
     SupportImpulse,
-    TorqueLimit,
     Upright,
 )
 from kickdyn.planning.kick_problem import explain_infeasible, kick_problem
@@ -103,8 +103,8 @@ def test_a_kick_that_only_the_largest_share_finds_is_whole_but_for_a_solvers_err
 
 
 @pytest.mark.parametrize(("cause", "words"), [
-    (Upright, "trunk"), (Clearance, "kicking foot"), (Balance, "centre of mass"),
-    (SpeedLimit, "speed and torque limits"), (TorqueLimit, "speed and torque limits"),
+    (Upright, "trunk"), (KickClearance, "kicking foot"), (Balance, "centre of mass"),
+    (KickSpeedLimit, "speed and torque limits"), (KickTorqueLimit, "speed and torque limits"),
     (None, "ranges of its joints")])  # fmt: skip
 def test_the_condition_that_a_standing_robot_cannot_meet_is_named(cause, words, monkeypatch):
     """Where only the problem without that condition has a solution."""

@@ -11,10 +11,10 @@ from kickdyn.planning import kick_terms as module
 from kickdyn.planning.kick_limits import (
     RESERVE,
     BodyClearance,
-    MuscleTorqueLimit,
-    SpeedLimit,
+    KickMuscleTorqueLimit,
+    KickSpeedLimit,
+    KickTorqueLimit,
     SupportImpulse,
-    TorqueLimit,
 )
 from kickdyn.planning.kick_problem import kick_problem
 from kickdyn.planning.kick_terms import OBJECTIVES, BallPosition, KickVariables, LargestShare
@@ -86,14 +86,14 @@ def test_the_torque_keeps_the_speed_of_the_joints():
     """Coriolis forces and gravity, over the limit: 1 less the square of its use."""
     for name, leg in (("human", LEGS["human"]), ("g1", LEGS["g1"])):
         variables = KickVariables(leg, target_of())
-        point, term = variables.point(drawn(variables)), TorqueLimit(variables)
+        point, term = variables.point(drawn(variables)), KickTorqueLimit(variables)
         model, data = leg.model, leg.model.createData()
         torque = pin.nonLinearEffects(model, data, point.posture.q, point.v)[variables.vs]
         limit = leg.effort_limit[variables.vs]
         agrees(term.use(point), np.abs(torque) / limit, closed_form(10))
         agrees(term.value(point), 1 - (torque / limit) ** 2, closed_form(10))
         agrees(variables.upper, np.minimum(leg.upper[variables.vs], np.pi), 0)
-        speed = SpeedLimit(variables)
+        speed = KickSpeedLimit(variables)
         use = np.abs(point.v[variables.vs]) / leg.velocity_limit[variables.vs]
         agrees(speed.use(point), use, closed_form(10))
         over = np.append(np.zeros(variables.n), [*np.full(variables.n, 1.0), 1.0])
@@ -132,9 +132,9 @@ def test_the_torques_of_muscles_fall_with_the_speed():
 
     leg = LEGS["human"]
     variables = KickVariables(leg, target_of())
-    term, plain = MuscleTorqueLimit(variables), TorqueLimit(variables)
-    for limits, kind in ((True, TorqueLimit), ("muscles", MuscleTorqueLimit)):
-        assert type(kick_problem(leg, target_of(), limits=limits).find(TorqueLimit)) is kind
+    term, plain = KickMuscleTorqueLimit(variables), KickTorqueLimit(variables)
+    for limits, kind in ((True, KickTorqueLimit), ("muscles", KickMuscleTorqueLimit)):
+        assert type(kick_problem(leg, target_of(), limits=limits).find(KickTorqueLimit)) is kind
     for x in ([0.4, 0.7, -0.2, 0.3, -0.4, 0.2, 0.9], [0.1, 1.2, 0.3, -0.6, 0.5, -0.1, 1.0]):
         point = variables.point(np.array(x))
         share = plain.torque(point.posture, point.v) / leg.effort_limit

@@ -138,14 +138,7 @@ def sensitivity(
     whose axes depend on its own angles, raises `InvalidInput`; a derivative that leaves double
     precision raises `KickdynError`.
     """
-    projector = approach.posture.without_stiff_joints.constraint_projector
-    violation = None if projector is None else projector.find_violation(response.v_after)
-    if violation is not None:
-        name, speed, unit = violation
-        raise InvalidInput(
-            f"a support moves at {speed:.3g} {unit} after the impact ({name}): sensitivities are "
-            "for supports that stay at rest"
-        )
+    _check_supports(approach, response)
     names = UNITS if of_leg else [name for name in UNITS if name not in OF_LEG]
     columns = _columns(approach.posture.leg, names)
     ball, posture, n = approach.ball, approach.posture, approach.contact.normal
@@ -212,6 +205,18 @@ def sensitivity(
         named(joints) if fixed.leg is not None else {},
         branch, margin, named(slope.reshape(1, -1)), at_boundary=margin <= AT_BOUNDARY * scale,
     )  # fmt: skip
+
+
+def _check_supports(approach: Approach, response: LegResponse) -> None:
+    """Raise `InvalidInput` for a support that moves after the impact."""
+    projector = approach.posture.without_stiff_joints.constraint_projector
+    violation = None if projector is None else projector.find_violation(response.v_after)
+    if violation is not None:
+        name, speed, unit = violation
+        raise InvalidInput(
+            f"a support moves at {speed:.3g} {unit} after the impact ({name}): sensitivities are "
+            "for supports that stay at rest"
+        )
 
 
 def _response_slopes(

@@ -173,10 +173,7 @@ def draw_kick(
     if drawn is not None:
         drawn.draw_curve(viewer, width(drawn.curve), right)
     if arrival is not None:
-        sideways = np.cross(marks.level_direction(incoming[-1] - incoming[0]), marks.UP_AXIS)
-        marks.draw_curve(viewer["arrival"], incoming, width(incoming), sideways, marks.ARRIVAL)
-        met = f"met after {arrival.wait:.3g} s"
-        draw_label(viewer["meeting"], met, before.position, f"#{marks.ARRIVAL:06x}")
+        _draw_arrival(viewer, incoming, width(incoming), arrival.wait)
     draw_impulses(viewer, arrows, scale)
     for number, box in enumerate(scenery):
         draw_box(viewer[f"scenery/{number}"], box)
@@ -191,6 +188,13 @@ def draw_kick(
     animation = _animation(viewer, pose_at, impact, pace, postures, arrows, drawn)
     viewer.set_animation(animation, repetitions=math.inf)
     return pace, text
+
+
+def _draw_arrival(viewer: Any, curve: Array, width: Any, wait: float) -> None:
+    """Draw the path of a ball to the impact, and the time for which it was seen [s]."""
+    sideways = np.cross(marks.level_direction(curve[-1] - curve[0]), marks.UP_AXIS)
+    marks.draw_curve(viewer["arrival"], curve, width, sideways, marks.ARRIVAL)
+    draw_label(viewer["meeting"], f"met after {wait:.3g} s", curve[-1], f"#{marks.ARRIVAL:06x}")
 
 
 def corners_around(impact: Impact) -> Array:

@@ -72,7 +72,7 @@ def test_a_support_impulse_is_kept_where_the_strike_says_that_the_foot_stands():
 
 @pytest.mark.parametrize("ground", [0.0, -0.3])
 def test_no_point_of_the_kicking_foot_is_lower_than_its_value_says(ground):
-    clearance = module.Clearance(STANDING.robot, STANDING.leg, ground)
+    clearance = module.KickClearance(STANDING.robot, STANDING.leg, ground)
     robot = STANDING.robot
     foot, data = joint_spheres(robot, robot.contact_joint), robot.model.createData()
     for posture in (*postures(), LEG.posture(LEG.configuration())):

@@ -20,13 +20,13 @@ from kickdyn.impact.approach import AT_REST, AfterApproach, Approach, find_appro
 from kickdyn.impact.compliant_contact import CompliantContact, State, Torque
 from kickdyn.impact.contact_phases import PLACE_ROUNDING, tightened
 from kickdyn.impact.force_model import (
-    CONTACT_TIME,
     LINEAR,
+    LONGEST_CONTACT,
     SHORTEST_CONTACT,
     ForceModel,
     InflatedForce,
     NormalForce,
-    contact_stiffness,
+    chosen_spring,
     spring_time,
 )
 from kickdyn.impact.integrate_contact import IntegratedContact, integrate_contact
@@ -461,12 +461,11 @@ def _force_model(
     given, e = checked_stiffness(contact_time, stiffness), approach.restitution
     if takes_inflated_force(approach.contact, contact_time, given):
         return InflatedForce.of(approach.ball)
-    if given is None:
-        time = CONTACT_TIME if contact_time is None else contact_time
-        given = contact_stiffness(time, approach.reduced_mass(), approach.speed, e)
-    if isinstance(given, str):
-        return ForceModel(approach.ball.stiffness, e, LINEAR)
-    return ForceModel(given, e)
+    of_ball = approach.ball.stiffness if given == "pressure" else math.nan
+    masses = approach.reduced_mass(), approach.speed
+    with np.errstate(over="ignore"):  # of a contact that is too short
+        k, n, _ = chosen_spring((contact_time, given), of_ball, *masses, e)
+    return ForceModel(float(k), e, n)
 
 
 def _checked_patch(
@@ -505,6 +504,8 @@ def checked_stiffness(
     contact_time: float | None, stiffness: float | str | None
 ) -> float | str | None:
     """Return a stiffness from outside, which a contact time excludes; else raise."""
+    if contact_time is not None:
+        validation.number("contact time", contact_time, above=0, at_most=LONGEST_CONTACT, unit="s")
     if contact_time is not None and stiffness is not None:
         raise InvalidInput(
             f"contact_time is {contact_time!r} and stiffness {stiffness!r}: give only one of them"

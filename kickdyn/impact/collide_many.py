@@ -22,7 +22,7 @@ from kickdyn.impact.collide import (
     takes_inflated_force,
 )
 from kickdyn.impact.contact_phases import LANE, set_lanes, tightened
-from kickdyn.impact.force_model import LONGEST_CONTACT, ForceModel, chosen_spring
+from kickdyn.impact.force_model import ForceModel, chosen_spring
 from kickdyn.impact.strike_kernel import FASTEST
 from kickdyn.impact.strike_many import (
     ContactRows,
@@ -159,8 +159,6 @@ def collide_many(
         one_ball.check_movable("a contact that takes time")
         if stiffness == "pressure":
             _ = one_ball.stiffness
-    if contact_time is not None:
-        validation.number("contact time", contact_time, above=0, at_most=LONGEST_CONTACT, unit="s")
     shapes = *[(3,)] * 4, (leg.nq,), (leg.nv,), *[()] * 5
     collisions, remaining = failed_rows(Collisions, n, *shapes), np.ones(n, bool)
     options: dict[str, Any] = {"contact_time": contact_time, "stiffness": stiffness}

@@ -150,38 +150,14 @@ def hysteretic_spring(
     return stiffness * (size * power), recovered
 
 
-def contact_stiffness(
-    contact_time: float, mass: float, approach_speed: float, restitution: float = 1.0
-) -> float:
+def hertz_stiffness(time: Any, mass: Any, speed: Any, restitution: Any) -> Any:
     r"""Return the stiffness k of Hertz's spring at which two masses touch for a time T [N/m^1.5].
 
     .. math:: k = \frac{m}{\sqrt{u}} \left(\frac{\tau(e)}{T}\right)^{5/2},
 
-    with the approach speed u, :math:`\tau(1) = 3.218` (Johnson 1985, Eq. 11.24) and
-    :math:`\tau(e) = (1 + e)/2\; \tau(1)`.
-
-    Args:
-        contact_time: duration T of the contact [s], above 0 and at most 0.1.
-        mass: reduced mass m = 1 / (1/m1 + 1/m2) of the two bodies [kg], above 0.
-        approach_speed: u [m/s], above 0. The contact time of Hertz falls with its fifth root.
-        restitution: coefficient e, 0.01 to 1.
-
-    Raises:
-        InvalidInput: a value outside its range.
+    with the reduced mass m [kg], the approach speed u [m/s], :math:`\tau(1) = 3.218` (Johnson 1985,
+    Eq. 11.24) and :math:`\tau(e) = (1 + e)/2\; \tau(1)`; floats, or arrays.
     """
-    time = validation.number(
-        "contact time", contact_time, above=0, at_most=LONGEST_CONTACT, unit="s"
-    )
-    m = validation.number("mass", mass, above=0, unit="kg")
-    speed = validation.number("approach speed", approach_speed, above=0, unit="m/s")
-    checked = ForceModel(1.0, restitution)
-    with np.errstate(over="ignore"):
-        stiffness = float(hertz_stiffness(time, np.float64(m), speed, checked.restitution))
-    return validation.number("stiffness for that contact time", stiffness, above=0, unit="N/m^1.5")
-
-
-def hertz_stiffness(time: Any, mass: Any, speed: Any, restitution: Any) -> Any:
-    """Return `contact_stiffness` of floats or of arrays that are not checked."""
     unit = spring_time(1.0, 1.0, HERTZ, 1.0, 1.0)
     return mass / np.sqrt(speed) * (np.float64(0.5 * (1.0 + restitution) * unit) / time) ** 2.5
 

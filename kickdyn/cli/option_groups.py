@@ -234,9 +234,15 @@ class JsonOptions:
             write_json(self.json_file, document)
 
     def print_rows(self, *results: Any) -> None:
-        """Print the rows of results, unless stdout is for JSON."""
+        """Print the rows of results, unless stdout is for JSON; those of several under their kind.
+
+        Warnings that an earlier result has are not repeated.
+        """
+        seen = set[str]()
         for result in results if self.prints else ():
-            print_wrapped("\n".join(repr(result).splitlines()[1:]))
+            lines = repr(result).splitlines()[len(results) == 1 :]
+            print_wrapped("\n".join(line for line in lines if " ".join(line.split()) not in seen))
+            seen |= {" ".join(line.split()) for line in lines if line.startswith("  warning")}
 
     def name_written(self, *files: object) -> None:
         """Print the names of these files and of the JSON file, all of which were written."""

@@ -127,7 +127,7 @@ def checked_ending(path: FileName, endings: Iterable[str], use: str) -> str:
     """Return the ending of a file's name in lower case; refuse one for which there is no `use`."""
     ending = Path(path).suffix.lower()
     if ending not in endings:
-        name = f"{shortened(os.fspath(path))} has the extension {ending!r}"
+        name = f"{shortened(os.fspath(path))} has the extension {Path(path).suffix!r}"
         raise InvalidInput(f"{name}: {use} {', '.join(endings)}")
     return ending
 

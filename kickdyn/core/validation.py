@@ -5,7 +5,7 @@ import inspect
 import math
 from collections.abc import Callable, Mapping
 from enum import StrEnum
-from importlib.util import find_spec
+from importlib import import_module
 from types import UnionType
 from typing import (
     TYPE_CHECKING,
@@ -198,10 +198,14 @@ def _refuse_type(name: str, value: object, kinds: tuple[type, ...]) -> NoReturn:
 
 
 def check_installed(package: str, extra: str, what: str) -> None:
-    """Raise `InvalidInput` if an optional package, which `what` needs, is not installed."""
-    if find_spec(package) is None:
+    """Raise `InvalidInput` if an optional package, which `what` needs, cannot be imported."""
+    try:
+        import_module(package)
+    except ImportError:
         install = f'pip install "kickdyn[{extra}]"'
-        raise InvalidInput(f"{what} need the package {package}: install it with {install}")
+        raise InvalidInput(
+            f"{what} need the package {package}: install it with {install}"
+        ) from None
 
 
 def flag(name: str, value: object) -> bool:

@@ -265,7 +265,9 @@ def outside_ranges(
     have shape `(n,)` [m], velocities and spins `(n, 3)` [m/s, rad/s, world frame].
     """
     wind = air.wind
-    through = velocity - (np.array([wind(z) for z in height.tolist()]) if callable(wind) else wind)
+    if callable(wind):
+        wind = np.array([wind(z) for z in height.tolist()]).reshape(-1, 3)
+    through = velocity - wind
     square = np.maximum(np.einsum("ij,ij->i", through, through), 1e-300)
     along = np.einsum("ij,ij->i", through, spin)
     spin_square = np.einsum("ij,ij->i", spin, spin)

@@ -374,7 +374,9 @@ class Integration:
             self._evaluations += STAGES
             if self._evaluations > MAX_EVALUATIONS:
                 raise _given_up(time, f"it takes more than {MAX_EVALUATIONS} evaluations of forces")
-            growth = SAFETY * step.error**-0.125 if step.error > 0.0 else math.inf
+            growth = 0.0 if math.isnan(step.error) else math.inf
+            if step.error > 0.0:
+                growth = SAFETY * step.error**-0.125
             if step.error < 1.0:
                 break
             self._length, most = step.length * max(0.2, growth), 1.0

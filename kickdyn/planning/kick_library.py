@@ -108,6 +108,7 @@ def kick_library(
         Unfinished: interrupted by Ctrl-C, a full disk or lost workers.
     """
     path = Path(file)
+    validation.check_installed("casadi", "motion", "libraries of kicks")
     checked_ending(path, (".npz",), "a library is written as")
     given, contact = contact, checked_contact(contact)
     named = {"speed": speed, "elevation": elevation, "azimuth": azimuth, "x": x, "y": y}

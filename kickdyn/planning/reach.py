@@ -105,8 +105,8 @@ class ReachTable(ReprMixin):
         yield "limits", limits, ""
         for row in self.rows:
             text = f"{row.speed:.4g} m/s, {row.carpet:.3g} m on carpet, {row.turf:.3g} m on turf"
-            text += f"; {row.reason}" if row.reason else ""
-            yield f"{row.azimuth:g}, {row.elevation:g} deg", text, ""
+            text += f"; limit: {row.reason}" if row.reason else ""
+            yield f"azimuth {row.azimuth:g}, elevation {row.elevation:g} deg", text, ""
         yield from warned(self.warnings)
 
     def to_json(self) -> dict[str, object]:

@@ -174,7 +174,9 @@ def test_the_dataset_has_units_flags_and_arguments(tmp_path):
     assert many.attrs["ball_mass_kg"] == BALL.mass
     assert many.attrs["tol"] == 1e-8
     many.to_netcdf(tmp_path / "flights.nc", engine="h5netcdf")
-    none = fly_many(kd.BallState(np.empty((0, 3))), BALL, AIR, kd.Ground())
+    none = fly_many(
+        kd.BallState(np.empty((0, 3))), BALL, kd.Air(wind=lambda z: (0.1 * z, 0, 0)), kd.Ground()
+    )
     assert dict(none.sizes) == {"axis": 3, "flight": 0}
 
 

@@ -165,3 +165,12 @@ def test_a_coefficient_that_is_no_number_ends_in_an_error(kind, coefficient):
 def test_the_method_names_what_acts_on_the_ball(spin, air, effects):
     path = kd.fly(kd.BallState(velocity=(20, 0, 10), spin=spin), kd.Ball(), air)
     assert path.method.partition(", ")[2].removeprefix("rtol 1e-09, ") == effects
+
+
+@pytest.mark.parametrize("tol", [1e-3, 1e-5])
+def test_a_step_into_the_ground_where_the_wind_is_not_defined_is_taken_shorter(tol):
+    start, flights = kd.BallState((0, 0, 3), (20, 0, 9)), []
+    for wind in (lambda z: (3 * math.sqrt(z), 0, 0), lambda z: (3 * math.sqrt(max(z, 0)), 0, 0)):
+        flights.append(kd.fly(start, BALL, kd.Air(wind=wind), kd.Ground(), tol=tol))
+    agrees(flights[0].landing.position, flights[1].landing.position, integrated(tol))
+    assert flights[0].evaluations < 2 * flights[1].evaluations

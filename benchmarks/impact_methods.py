@@ -140,7 +140,7 @@ def in_cone(
         setattr(settings, f"relative_{kind}_tol", tol)
     models, data = _point(contact.friction)
     operator = pin.DelassusOperatorDense(np.asfortranarray(problem.delassus(axes)))
-    solver.solve(operator, free, models, data, settings, result)
+    solver.solve(operator, np.array(free), models, data, settings, result)
     return np.asarray(axes[0] @ result.retrieveConstraintImpulses())
 
 

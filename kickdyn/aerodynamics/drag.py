@@ -57,8 +57,9 @@ def sphere(reynolds: float, spin_parameter: float = 0.0) -> float:
     17 % below their correlation; `brown_lawler` alone has no such join.
     """
     weight = smoothstep(reynolds, 1.0, 10.0)
-    creeping = stokes(reynolds)
-    return creeping + weight * (brown_lawler(reynolds) - creeping)
+    # not below 1, where it does not count, and both would overflow
+    rising = brown_lawler(max(reynolds, 1.0))
+    return (1.0 - weight) * stokes(reynolds) + weight * rising
 
 
 FAST = 7e4

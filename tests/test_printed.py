@@ -63,7 +63,7 @@ FORMULAS = {
         lambda plan: np.mean((plan.v / plan.leg.velocity_limit) ** 2),
     ("plan", "contact above the ball's centre"): lambda plan: contact_point(plan.impact)[0],
     ("plan", "contact to the left of it"): lambda plan: round(contact_point(plan.impact)[1], 12),
-    ("reach", "-10, 20 deg"): lambda reach: (21.43, 31.3, 44.3),
+    ("reach", "azimuth -10, elevation 20 deg"): lambda reach: (21.43, 31.3, 44.3),
     **{("library", axis): lambda library, k=k: IN_TABLES[k] * library.reader.lower[k]
        for k, axis in enumerate(AXES)},
     **{("library kick", axis): lambda kick, k=k: IN_TABLES[k] * kick.point[k]
@@ -124,8 +124,8 @@ TEXTS = {
     "method", "another", "wall and goal", "residuals", "digits at least", "incomplete frames",
     "gaps of b", "ball", "contact", "air", "ground", "nearest", "solref", "solimp",
     "solreffriction", "goal, speed", "goal, direction", "goal, speed x 0.5 to 1.5",
-    "error, speed x 0.5", "0, 35 deg", "hit the ball", "elevation error", "miss, 50% of the runs",
-    "warning", "broken",
+    "error, speed x 0.5", "azimuth 0, elevation 35 deg", "hit the ball", "elevation error",
+    "miss, 50% of the runs", "warning", "broken",
 }  # fmt: skip
 """Rows with numbers in a text of several words, or whose like is compared."""
 

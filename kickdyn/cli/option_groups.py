@@ -234,7 +234,7 @@ class JsonOptions:
             write_json(self.json_file, document)
 
     def print_rows(self, *results: Any) -> None:
-        """Print the rows of results, unless stdout is for JSON; those of several under their kind.
+        """Print the rows of results, unless stdout is for JSON; of several, with class names.
 
         Warnings that an earlier result has are not repeated.
         """

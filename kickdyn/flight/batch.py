@@ -50,11 +50,11 @@ from kickdyn.flight.forces import (
     is_ballistic,
     tolerances,
 )
-from kickdyn.flight.integrate import Run, Tolerance, side_by_side
+from kickdyn.flight.integrate import StepGenerator, Tolerance, solve_together
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
-TOGETHER = 50
+FLIGHTS_TOGETHER = 50
 """Flights whose steps numpy computes together where there is no machine code."""
 
 TIME_LIMIT = 1000.0
@@ -444,7 +444,7 @@ def _in_python(task: _Task, rows: NDArray[np.intp], tolerances: Sequence[Toleran
     nodes, status = np.full((n, 16), np.nan), np.full(n, FAILED, np.int8)
     evaluations, numbers = np.zeros(n, np.int64), numbers_of(task.ends, len(states.position))
 
-    def fly(i: int) -> Run[None]:
+    def fly(i: int) -> StepGenerator[None]:
         row = int(rows[i])
         state = BallState.computed(
             states.position[row], states.velocity[row], states.spin[row], 0.0
@@ -460,8 +460,8 @@ def _in_python(task: _Task, rows: NDArray[np.intp], tolerances: Sequence[Toleran
         end = -1 if reached is None else ends.index(reached)
         status[i] = ALOFT if end < 0 else LANDED if end == 0 else FURTHER - 1 + end
 
-    for begin in range(0, n, TOGETHER):
-        side_by_side(map(fly, range(begin, min(begin + TOGETHER, n))))
+    for begin in range(0, n, FLIGHTS_TOGETHER):
+        solve_together(map(fly, range(begin, min(begin + FLIGHTS_TOGETHER, n))))
     return Flown(nodes, status, evaluations)
 
 

@@ -35,7 +35,14 @@ from kickdyn.flight.forces import (
     is_ballistic,
     tolerances,
 )
-from kickdyn.flight.integrate import Arc, Integration, Run, Tolerance, alone, trajectory
+from kickdyn.flight.integrate import (
+    Arc,
+    Integration,
+    StepGenerator,
+    Tolerance,
+    solve_one,
+    trajectory,
+)
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
@@ -206,7 +213,7 @@ def fly_arc(
     tolerance: Tolerance,
     *,
     keep_steps: bool = True,
-) -> Run[FlownArc]:
+) -> StepGenerator[FlownArc]:
     """Integrate a flight to the first of its ends, with the numbers of this launch; else raise."""
     equations = FlightEquations(state, ball, air)
     try:
@@ -237,7 +244,7 @@ def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ..
     wind = _wind_speed(air, float(state.position[2]))
     relative, length, pace = tolerances(speed, ends[0].numbers[0], wind, ball, air, tol)
     tolerance = flight_tolerance(relative, (float(length), float(pace), tol), task.max_step)
-    path = alone(fly_arc(state, ball, air, ends, task.time_limit, tolerance))
+    path = solve_one(fly_arc(state, ball, air, ends, task.time_limit, tolerance))
     spins, arc = bool(state.spin.any()), path.arc
     acting = {"drag": air.drag, "lift": spins and air.lift, "spin decay": spins and air.torque}
     effects = ", ".join(name for name, model in acting.items() if model and air.density > 0.0)

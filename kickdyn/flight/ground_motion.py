@@ -14,7 +14,7 @@ from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import Event
 from kickdyn.flight.forces import FINEST, VACUUM, Acceleration, acceleration_function, downward
-from kickdyn.flight.integrate import Arc, Integration, Tolerance, alone, trajectory
+from kickdyn.flight.integrate import Arc, Integration, Tolerance, solve_one, trajectory
 from kickdyn.ground import Ground, Surface
 from kickdyn.restitution import restitution_for, rows_of
 
@@ -256,7 +256,7 @@ def slide(
         sizes = np.array([*3 * [speed * duration], *3 * [speed], 1.0])
         begin = np.array([0.0, 0.0, 0.0, *sliding.velocity, 1.0])
         tolerance = Tolerance(FINEST, np.maximum(FINEST * sizes, 1e-300))
-        arc = alone(Integration(rates, ends, duration, tolerance).run(begin))
+        arc = solve_one(Integration(rates, ends, duration, tolerance).run(begin))
         duration, reached = arc.end, arc.reached
     end = _first(sliding.sample(np.array([duration])))
     start = BallState(state.position, state.velocity, state.spin)
@@ -293,7 +293,7 @@ def roll(
         tol = min(tol, LOOSEST_ROLLING)
         sizes = np.array([*3 * [rolling.length], *3 * [rolling.speed], 1.0])
         tolerance = Tolerance(tol, np.maximum(tol * sizes, 1e-300))
-        arc = alone(Integration(rates, [is_slow, *ends], time_limit, tolerance).run(begin))
+        arc = solve_one(Integration(rates, [is_slow, *ends], time_limit, tolerance).run(begin))
     slow_time, slow = arc.end, arc.state
     duration = slow_time
     remaining = float(time_to_rest(slow[3:5], rolling.wind, resistance))

@@ -41,7 +41,7 @@ SAFETY, MOST_GROWTH = 0.7, 10.0
 """The next step over that which the estimated error allows, and the most over the step before:
 with scipy's 0.9, more steps are rejected, and as many evaluations give twice the error."""
 
-TOGETHER = 50
+READ_TOGETHER = 50
 """States that are computed together where a function is read within a part of a step."""
 
 _ENDS = np.arange(1, PARTS) / PARTS
@@ -104,11 +104,11 @@ def trajectory(arc: Arc, begin: Array) -> Callable[[Array], Array]:
     return states
 
 
-Run = Generator["Step", None, T]
-"""A computation that asks for steps, which are taken when it goes on, and returns its result."""
+StepGenerator = Generator["Step", None, T]
+"""A generator that yields steps, which are taken before it goes on, and returns a result."""
 
 
-def side_by_side(runs: Iterable[Run[T]]) -> list[T | KickdynError]:
+def solve_together(runs: Iterable[StepGenerator[T]]) -> list[T | KickdynError]:
     """Return the results of some runs, whose steps are taken together, or what they raised."""
     results: dict[int, T | KickdynError] = {}
     going = list(enumerate(runs))
@@ -129,9 +129,9 @@ def side_by_side(runs: Iterable[Run[T]]) -> list[T | KickdynError]:
     return [results[i] for i in range(len(results))]
 
 
-def alone(run: Run[T]) -> T:
+def solve_one(run: StepGenerator[T]) -> T:
     """Return the result of a run, or raise what it raises."""
-    (result,) = side_by_side([run])
+    (result,) = solve_together([run])
     if isinstance(result, KickdynError):
         raise result
     return result
@@ -247,8 +247,8 @@ class Step:
     def _read_part(self, event: Event, part: int, count: int) -> _Fall | None:
         """Return the first fall of an event's function in a part of the step."""
         above, low = 0.0, 0.0
-        for first in range(0, count + 1, TOGETHER):
-            fractions = np.arange(first, min(first + TOGETHER, count + 1)) / count
+        for first in range(0, count + 1, READ_TOGETHER):
+            fractions = np.arange(first, min(first + READ_TOGETHER, count + 1)) / count
             fractions = (part + fractions) / PARTS
             states = self.states(self.begin + self.length * fractions).tolist()
             for high, state in zip(fractions.tolist(), states, strict=True):
@@ -299,7 +299,7 @@ class Integration:
         self.rates, self.tolerance = rates, tolerance
         self._events, self._time_limit, self._evaluations = events, time_limit, 0
 
-    def run(self, state: Array, *, keep_steps: bool = True) -> Run[Arc]:
+    def run(self, state: Array, *, keep_steps: bool = True) -> StepGenerator[Arc]:
         """Return the solution from states at time 0, those of `FlightEquations` or as many others.
 
         An event whose function is zero at the start counts at once unless the function rises first.
@@ -343,7 +343,7 @@ class Integration:
 
     def _step_to(
         self, time: float, state: Array, rates: Array, values: dict[Event, tuple[float, float]]
-    ) -> Run[tuple[Step, dict[Event, _Fall]]]:
+    ) -> StepGenerator[tuple[Step, dict[Event, _Fall]]]:
         """Take a step; take it anew until it ends shortly after the first of events within it.
 
         Return the step, and where the functions of all events fall through zero in it.
@@ -362,7 +362,7 @@ class Integration:
                 return step, falls
             self._length = max(again * step.length, shortest)
 
-    def _take_step(self, time: float, state: Array, rates: Array) -> Run[Step]:
+    def _take_step(self, time: float, state: Array, rates: Array) -> StepGenerator[Step]:
         """Take a step whose error is tolerated, and choose the length of the next one."""
         limit, shortest = self._time_limit, max(10.0 * math.ulp(time), 1e-300)
         most = MOST_GROWTH
@@ -374,11 +374,10 @@ class Integration:
             self._evaluations += STAGES
             if self._evaluations > MAX_EVALUATIONS:
                 raise _given_up(time, f"it takes more than {MAX_EVALUATIONS} evaluations of forces")
-            growth = 0.0 if math.isnan(step.error) else math.inf
-            if step.error > 0.0:
-                growth = SAFETY * step.error**-0.125
+            growth = math.inf if step.error == 0.0 else SAFETY * step.error**-0.125
             if step.error < 1.0:
                 break
+            # where the rates are not defined, the error is nan, and this is 0.2
             self._length, most = step.length * max(0.2, growth), 1.0
             if self._length < shortest:
                 raise _given_up(time, "the step would be shorter than time can be resolved")

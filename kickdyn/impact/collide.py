@@ -18,7 +18,7 @@ from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, AfterApproach, Approach, find_approach
 from kickdyn.impact.compliant_contact import CompliantContact, State, Torque
-from kickdyn.impact.contact_phases import PLACE_ROUNDING, tightened
+from kickdyn.impact.contact_phases import PLACE_ROUNDING, light_contact_factor
 from kickdyn.impact.force_model import (
     LINEAR,
     LONGEST_CONTACT,
@@ -388,13 +388,13 @@ def _motion_of(equations: CompliantContact) -> IntegratedContact:
     """Return the motion from first contact to separation, with an error relative to its impulse."""
     motion, lane = _integrated(equations), equations.lane
     size = math.hypot(*equations.impulse(float(motion.times[-1]), motion.last))
-    with np.errstate(divide="ignore"):  # of a ball that is pressed through
-        loosening = tightened(
+    with np.errstate(divide="ignore"):  # by a deflection of 0
+        tolerance_factor = light_contact_factor(
             lane, size, equations.reduced_mass, motion.phases[-1, 0], equations.tol
         )
-    if loosening[0] < lane.loosening[0]:
+    if tolerance_factor[0] < lane.tolerance_factor[0]:
         equations = equations.with_tolerance(equations.tol)
-        equations.lane.loosening[:] = loosening
+        equations.lane.tolerance_factor[:] = tolerance_factor
         motion = _integrated(equations)
     return motion
 

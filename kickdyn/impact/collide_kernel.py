@@ -400,7 +400,7 @@ def _collide(tree, task, torque, given, answer, steps, work, rtol):
             moved = starts[m] + lanes.time * drift
             later = moved + lanes.step * drift
             departure = larger(magnitude(column[m] - moved), magnitude(new[m] - later))
-            per = 1.0 / (rtol * lanes.loosening * (scales[m] + departure))
+            per = 1.0 / (rtol * lanes.tolerance_factor * (scales[m] + departure))
             a, b = total[m] * per, total[dim + m] * per
             five, three = five + a * a, three + b * b
         total[0], total[1] = five, three

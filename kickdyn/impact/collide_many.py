@@ -21,7 +21,7 @@ from kickdyn.impact.collide import (
     collide,
     takes_inflated_force,
 )
-from kickdyn.impact.contact_phases import LANE, set_lanes, tightened
+from kickdyn.impact.contact_phases import LANE, light_contact_factor, set_lanes
 from kickdyn.impact.force_model import ForceModel, chosen_spring
 from kickdyn.impact.strike_kernel import FASTEST
 from kickdyn.impact.strike_many import (
@@ -226,10 +226,10 @@ def _collide(
     with np.errstate(all="ignore"):
         gained = answer[code.RESULT + 2 * nv + 3 :][:3].T - velocity[chosen] - fallen
         size = length(gained) / lanes.inverse_mass
-        loosening = tightened(lanes, size, mass[chosen], answer[2], tol)
-    again = np.flatnonzero(loosening < lanes.loosening)
+        tolerance_factor = light_contact_factor(lanes, size, mass[chosen], answer[2], tol)
+    again = np.flatnonzero(tolerance_factor < lanes.tolerance_factor)
     if again.size:
-        lanes.loosening = loosening
+        lanes.tolerance_factor = tolerance_factor
         few = SimpleNamespace(**{name: field[..., again] for name, field in vars(lanes).items()})
         rows_again = tuple(field[:, again] for field in table)
         answer[:, again] = kernel.run(COLLIDE(), few, rows_again, tol, np.empty((0, 0)))

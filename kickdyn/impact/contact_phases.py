@@ -77,7 +77,7 @@ LANE = np.dtype(
         ("speed", float, BATCH),  # of the approach [m/s]
         ("expected", float, BATCH),  # contact time of the two masses alone [s]
         ("first_step", float, BATCH),  # [s]
-        ("loosening", float, BATCH),  # tolerance of its error over the integrator's
+        ("tolerance_factor", float, BATCH),  # tolerance of its error over the integrator's
         ("energy", float, BATCH),  # of the approach [J]
         ("spin", float, BATCH),  # scale of the ball's spin [rad/s]
         ("kind", float, BATCH),  # of friction
@@ -141,7 +141,7 @@ def set_lanes(
     stiffness, exponent, restitution, time = spring
     lane.stiffness[:], lane.exponent[:], lane.share[:] = stiffness, exponent, restitution**2
     lane.rate[:], lane.expected[:], lane.speed[:] = STABILIZATION_RATE / time, time, speed
-    lane.loosening[:] = np.maximum(1.0, PLACE_ROUNDING / (tol * speed * time))
+    lane.tolerance_factor[:] = np.maximum(1.0, PLACE_ROUNDING / (tol * speed * time))
     lane.resting[:], lane.energy[:] = RESTING * tol * speed, 0.5 * mass * speed * speed
     lane.first_step[:] = lane.step[:] = time * min(FIRST_STEP * tol ** (2 / 7), 0.3)
     lane.spin[:] = np.where(spin > 0.0, spin, speed / lane.radius)
@@ -151,8 +151,8 @@ def set_lanes(
     lane.along[:] = np.where(slips, sliding / np.where(slips, size, 1.0), 0.0)
 
 
-def tightened(lane: Any, impulse: Any, mass: Any, deflection: Any, tol: float) -> Any:
-    """Return `loosening` of contacts whose impulse is small because the foot recedes from the ball.
+def light_contact_factor(lane: Any, impulse: Any, mass: Any, deflection: Any, tol: float) -> Any:
+    """Return `tolerance_factor` of contacts with a small impulse, whose foot recedes from the ball.
 
     Their first integration has an error relative to the impulse that stops the approach. A second
     one has it relative to their own impulse, unless rounding of the deflection is larger.
@@ -166,7 +166,7 @@ def tightened(lane: Any, impulse: Any, mass: Any, deflection: Any, tol: float) -
     """
     share = impulse / (mass * lane.speed)
     least = share * np.maximum(1.0, PLACE_ROUNDING / (tol * deflection))
-    return np.where(share < 0.1, np.minimum(least, lane.loosening), lane.loosening)
+    return np.where(share < 0.1, np.minimum(least, lane.tolerance_factor), lane.tolerance_factor)
 
 
 @inlined
@@ -258,7 +258,7 @@ def _precision(lane, i, which, precision):
 
     `precision` is relative. The forces change continuously there, except where points come to rest.
     """
-    precision = max(precision, min(precision * lane.loosening[i], 1e-6))
+    precision = max(precision, min(precision * lane.tolerance_factor[i], 1e-6))
     if which == 0 and lane.largest[i] == 0.0:
         return precision * lane.speed[i]
     if which < 2:

@@ -131,7 +131,7 @@ def _integrate(equations: CompliantContact) -> IntegratedContact:
         rates[STAGES] = equations.evaluate(t + h, new, lane)[0]
         moved, later = start + t * drift, start + (t + h) * drift
         size = scales + np.maximum(np.abs(y - moved), np.abs(new - later))
-        per = 1.0 / (rtol * lane.loosening[0] * size)
+        per = 1.0 / (rtol * lane.tolerance_factor[0] * size)
         five, three = (float(np.square(e.dot(rates) * per).sum()) for e in (DOP853.E5, DOP853.E3))
         square = (five + 0.01 * three) * len(y)
         error = h * five / math.sqrt(square) if square != 0.0 else 0.0

@@ -73,7 +73,7 @@ REASONS = {
 """Why no launch within limits meets a goal, as the end of a sentence."""
 
 
-class VacuumArc(StrEnum):
+class LaunchArc(StrEnum):
     """Which of two launches that meet a goal."""
 
     LOW = "low"
@@ -116,7 +116,7 @@ class Goal(ReprMixin):
     over: tuple[float, float] | None
     beside: tuple[float, float] | None
     spin: Array
-    arc: VacuumArc
+    arc: LaunchArc
     receiver_velocity: Array
 
     def __init__(
@@ -129,7 +129,7 @@ class Goal(ReprMixin):
         over: tuple[float, float] | None = None,
         beside: tuple[float, float] | None = None,
         spin: ArrayLike = (0.0, 0.0, 0.0),
-        arc: str = VacuumArc.LOW,
+        arc: str = LaunchArc.LOW,
         receiver_velocity: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
         point = validation.floats("target", target, unit="m")
@@ -168,7 +168,7 @@ class Goal(ReprMixin):
             over=_checked_point("over", over, level),
             beside=_checked_point("beside", beside, level),
             spin=validation.read_only(validation.vector("spin", spin, 3, unit="rad/s")),
-            arc=validation.choice("arc", arc, VacuumArc),
+            arc=validation.choice("arc", arc, LaunchArc),
         )
 
     def __repr__(self) -> str:
@@ -189,7 +189,7 @@ class Goal(ReprMixin):
                 yield name, format_value(value), unit
         if self.spin.any():
             yield "spin", format_value(self.spin), "rad/s"
-        if self.arc != VacuumArc.LOW:
+        if self.arc != LaunchArc.LOW:
             yield "arc", self.arc, ""
         if self.receiver_velocity.any():
             yield "receiver_velocity", format_value(self.receiver_velocity), "m/s"

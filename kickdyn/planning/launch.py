@@ -24,10 +24,10 @@ from kickdyn.plane import Plane
 from kickdyn.planning.goal import (
     REASONS,
     Goal,
+    LaunchArc,
     LaunchLimit,
     PlannedLaunch,
     PlanStatus,
-    VacuumArc,
     meet_receiver,
 )
 from kickdyn.planning.launch_family import LaunchFamily
@@ -213,12 +213,12 @@ def plan_launch(
 
     solutions = [solution for solution in family.direct if family.is_inside(solution)]
     clear = [solution for solution in solutions if solution.is_above_ground]
-    if goal.arc == VacuumArc.LOW and clear and len(solutions) == (2 if goal.kind == "speed" else 1):
+    if goal.arc == LaunchArc.LOW and clear and len(solutions) == (2 if goal.kind == "speed" else 1):
         return _launch(family, goal, None, clear[0])
 
     clear = [solution for solution in family.solutions if solution.is_above_ground]
     if clear:
-        return _launch(family, goal, None, clear[0 if goal.arc == VacuumArc.LOW else -1])
+        return _launch(family, goal, None, clear[0 if goal.arc == LaunchArc.LOW else -1])
     if goal.beside is not None and not family.solutions:
         return _nearest_curve(family)
     inside = [m for branch in family.branches for m in branch if family.is_inside(m)]

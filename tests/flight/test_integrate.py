@@ -11,7 +11,7 @@ from kickdyn.aerodynamics.drag import constant
 from kickdyn.flight.events import ground_event
 from kickdyn.flight.fly import fly_arc
 from kickdyn.flight.forces import FINEST, FlightEquations
-from kickdyn.flight.integrate import Integration, Tolerance, alone
+from kickdyn.flight.integrate import Integration, Tolerance, solve_one
 
 BALL = kd.Ball()
 
@@ -44,7 +44,7 @@ def test_the_error_falls_with_about_the_eighth_power_of_the_evaluations(velocity
 
     def arc(tol):
         tolerance = Tolerance(max(tol, FINEST), np.full(7, tol))
-        return alone(Integration(motion.rates, [], end, tolerance).run(motion.begin))
+        return solve_one(Integration(motion.rates, [], end, tolerance).run(motion.begin))
 
     exact = arc(1e-14).state
     arcs = [arc(10.0**-k) for k in np.arange(3, 10.6, 0.25)]
@@ -60,6 +60,6 @@ def test_most_flights_take_no_step_anew_to_end_at_the_ground():
         start = launch(velocity, 0.5, draw.normal(0, 30, 3))
         ground = ground_event(BALL, kd.Ground()).launched(start)
         tolerance = Tolerance(1e-9, np.full(7, 1e-8))
-        arc = alone(fly_arc(start, BALL, kd.Air(), [ground], 1e3, tolerance)).arc
+        arc = solve_one(fly_arc(start, BALL, kd.Air(), [ground], 1e3, tolerance)).arc
         anew.append(arc.evaluations > 12 * len(arc.steps) + 1)
     assert np.mean(anew) < 0.5

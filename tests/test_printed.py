@@ -210,7 +210,7 @@ def test_a_row_shows_its_number_in_its_unit(name):
         for number, value in zip(numbers, right.tolist(), strict=False):
             # without decimals, zeros after the point may have been left out
             last = number.last if "." in number.text else min(number.last, 0.1 * abs(number.value))
-            unit_of_rounding = max(last, closed_form(10) * np.abs(right).max())
+            unit_of_rounding = max(last, closed_form(10) * np.abs(right).max(initial=1.0))
             assert number.value == pytest.approx(value, abs=0.51 * unit_of_rounding), (row, text)
         compared += 1
     assert compared or name in ("scene", "motion", "leg motion")

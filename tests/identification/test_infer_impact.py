@@ -184,11 +184,11 @@ def test_without_spin_the_deviations_cover_what_friction_may_have_done(law):
     plain = kd.infer_impact(posture, v, BALL, hit.ball_before, after, velocity_deviation=spread)
     seen = kd.infer_impact(motion, track, BALL, contact=0.0).joint_deviations
     assert seen == pytest.approx(plain.joint_deviations, rel=0.3)
-    # a leg that is seen far worse than the ball: the deviations are proportional to its own
-    worse = [replace(motion, information=share * motion.information) for share in (1e-7, 1e-9)]
+    # a leg that is seen ten times worse: its deviations grow, but by smoothing less than that
+    worse = [replace(motion, information=share * motion.information) for share in (0.1, 1e-3)]
     seen = [kd.infer_impact(one, kd.Track(times, path), BALL, contact=0.0) for one in worse]
-    less, more = (result.deviations["restitution"] for result in seen)
-    assert more == pytest.approx(10.0 * less, rel=0.1)
+    less, more = (result.deviations["foot_speed"] for result in seen)
+    assert 3.0 * less < more < 10.0 * less
     assert np.abs(np.mean(errors)) < 0.5 * np.abs(np.mean(along_impulse))
 
 

@@ -111,6 +111,7 @@ def test_a_pass_is_struck_and_rolls_to_its_target(leg):
     assert plan.landing_error < 1e-3
 
 
+@pytest.mark.processor_limit(10)
 @pytest.mark.parametrize(("speed", "is_reached"), [(18.0, True), (60.0, False)])
 def test_joints_without_a_limit_are_not_faster_than_those_that_have_one(speed, is_reached):
     leg = kd.Leg.human(height=1.8, mass=75, model="3d")

@@ -15,10 +15,8 @@ from itertools import pairwise
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from scipy.integrate import DOP853
-from scipy.optimize import brentq
 
-from kickdyn.core.dop853 import EVENT_MARGIN, STAGES, TABLE, first_step
+from kickdyn.core.dop853 import EVENT_MARGIN, EXTRA, INTERPOLANT, STAGES, TABLE, first_step
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.events import (
@@ -55,7 +53,8 @@ PART_WEIGHTS = np.column_stack([
 """Weights of the cubics of a step, where its parts end but for the last one: of the states at its
 beginning, of their changes over the step at the rates there, and of both at its end."""
 
-EPSILON = float(np.finfo(float).eps)
+MOST_SECANTS = 20
+"""Secants in the search for a zero, of which usually five suffice."""
 
 T = TypeVar("T")
 
@@ -206,13 +205,13 @@ class Step:
 
     @cached_property
     def _terms(self) -> Array:
-        """The coefficients of scipy's interpolant, which takes a quarter more evaluations."""
+        """The coefficients of the interpolant, which takes a quarter more evaluations."""
         stages, h, change = self.stages, self.length, self.state - self.before
-        for k, weights in enumerate(DOP853.A_EXTRA, STAGES + 1):
+        for k, weights in enumerate(EXTRA, STAGES + 1):
             stages[k] = self.motion.rates((self.before + h * weights[:k].dot(stages[:k])).tolist())
         turn = h * stages[0] - change
         return np.vstack([change, turn, change - h * stages[STAGES] - turn,
-                          h * DOP853.D.dot(stages)])  # fmt: skip
+                          h * INTERPOLANT.dot(stages)])  # fmt: skip
 
     def states(self, times: Any) -> Array:
         """Return the states at a time within the step `(m,)`, or at n times `(n, m)`."""
@@ -281,13 +280,34 @@ class Step:
 
         estimate = high - 1.0001 * (1.0 - fall.about) * self.length
         low = estimate if estimate > low and value(estimate) > 0.0 else low
-        time, above, below = low, value(low), value(high)
-        if above > 0.0:
-            time = high
-        if above > 0.0 >= below:  # but for rounding
-            precision = max(1e-14 * self.length, 1e-300)
-            time = float(brentq(value, low, high, xtol=precision, rtol=4.0 * EPSILON, disp=False))
+        time = low
+        if value(low) > 0.0:  # but for rounding
+            time = high if value(high) > 0.0 else _find_zero(value, low, high, 1e-14 * self.length)
         return time, state(time)
+
+
+def _find_zero(function: Callable[[float], float], low: float, high: float, width: float) -> float:
+    """Return where a function falls through zero within an interval.
+
+    It is the end of an interval that is at most as wide as stated, or as floats allow: by the
+    Illinois algorithm, and by halves should that take many steps.
+    """
+    width = max(width, 4.0 * math.ulp(high))
+    above, below, last, secants = function(low), function(high), math.nan, 0
+    while high - low > width:
+        middle, secants = high + (high - low) * below / (above - below), secants + 1
+        if secants > MOST_SECANTS or not low <= middle <= high:  # or not a number
+            middle = 0.5 * (low + high)
+        middle = min(max(middle, low + 0.5 * width), high - 0.5 * width)
+        value = function(middle)
+        if value > 0.0:
+            below *= 0.5 if last == low else 1.0
+            low, above = middle, value
+        else:
+            above *= 0.5 if last == high else 1.0
+            high, below = middle, value
+        last = middle
+    return high
 
 
 class Integration:
@@ -392,7 +412,7 @@ def _take(steps: Sequence[Step]) -> None:
     n, m = len(steps), len(steps[0].before)
     functions = [step.motion.rates for step in steps]
     state, length = np.concatenate([step.before for step in steps]), [step.length for step in steps]
-    h, rates = np.repeat(length, m), np.empty((STAGES + 1 + len(DOP853.A_EXTRA), n * m))
+    h, rates = np.repeat(length, m), np.empty((STAGES + 1 + len(EXTRA), n * m))
     rates[0] = np.concatenate([step.rates for step in steps])
     for k in range(1, STAGES + 1):
         new = state + h * TABLE[k, :k].dot(rates[:k])

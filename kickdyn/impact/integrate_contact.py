@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.integrate import DOP853
 from scipy.optimize import minimize_scalar
 
-from kickdyn.core.dop853 import STAGES
+from kickdyn.core.dop853 import STAGES, TABLE
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.impact import contact_phases as phases
@@ -91,11 +90,10 @@ def _stages(
     `begin` has time, column and length of the step.
     """
     t, y, h = begin
-    new = y
     for k in range(first, STAGES):
-        new = y + h * DOP853.A[k, :k].dot(rates[:k]) if k else y
-        rates[k] = equations.evaluate(t + DOP853.C[k] * h, new, lane)[0]
-    return np.asarray(y + h * DOP853.B.dot(rates[:STAGES]))
+        new = y + h * TABLE[k, :k].dot(rates[:k])
+        rates[k] = equations.evaluate(t + TABLE[k].sum() * h, new, lane)[0]
+    return np.asarray(y + h * TABLE[STAGES].dot(rates[:STAGES]))
 
 
 def integrate_contact(equations: CompliantContact) -> IntegratedContact:
@@ -132,7 +130,7 @@ def _integrate(equations: CompliantContact) -> IntegratedContact:
         moved, later = start + t * drift, start + (t + h) * drift
         size = scales + np.maximum(np.abs(y - moved), np.abs(new - later))
         per = 1.0 / (rtol * lane.tolerance_factor[0] * size)
-        five, three = (float(np.square(e.dot(rates) * per).sum()) for e in (DOP853.E5, DOP853.E3))
+        five, three = np.square(TABLE[STAGES + 1 :].dot(rates[:STAGES]) * per).sum(axis=1).tolist()
         square = (five + 0.01 * three) * len(y)
         error = h * five / math.sqrt(square) if square != 0.0 else 0.0
         phase = lane.largest[0], lane.kind[0], *lane.along[:, 0]

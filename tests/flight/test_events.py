@@ -41,6 +41,15 @@ def test_an_event_may_depend_on_the_velocity_on_the_spin_and_on_numbers():
     assert ends["spent"].landing.spin == pytest.approx(0.95 * KICK.spin, rel=closed_form(10))
 
 
+@pytest.mark.parametrize("shape", [
+    lambda x: x**3, lambda x: 1.0 if x > 0.0 else -1.0, lambda x: math.inf if x > 0.0 else -1e-300,
+    lambda x: math.atan(1e6 * x), lambda x: 1e-200 * x if x > 0.0 else 1e200 * x])  # fmt: skip
+def test_an_event_is_found_whatever_its_function_is_on_both_sides(shape):
+    far = Event("far", lambda state, _: shape(12.0 - state[0]))
+    end = kd.fly(KICK, BALL, AIR, ends=[far]).landing.position
+    assert end[0] == pytest.approx(KICK.position[0] + 12.0, rel=closed_form(10))
+
+
 @pytest.mark.parametrize(("distance", "bounced", "on_ground"),
     [(10.0, False, False), (32.0, True, False), (55.0, True, True)])  # fmt: skip
 def test_a_course_ends_at_an_event_wherever_the_ball_is(distance, bounced, on_ground):

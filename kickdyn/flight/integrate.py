@@ -1,6 +1,6 @@
 """Integration of differential equations by DOP853, up to the first of some events.
 
-The steps, their error estimate and their interpolants are scipy's. Several motions are integrated
+The steps, their error estimate and their interpolants are those of scipy's class. Several motions are integrated
 side by side: each has its own time and step, and numpy computes the stages of all steps at once.
 
 A step that an event falls into is taken anew so that it ends just after the event: the interpolant
@@ -412,7 +412,8 @@ def _take(steps: Sequence[Step]) -> None:
     n, m = len(steps), len(steps[0].before)
     functions = [step.motion.rates for step in steps]
     state, length = np.concatenate([step.before for step in steps]), [step.length for step in steps]
-    h, rates = np.repeat(length, m), np.empty((STAGES + 1 + len(EXTRA), n * m))
+    h = np.repeat(length, m)
+    rates: Array = np.empty((STAGES + 1 + len(EXTRA), n * m))
     rates[0] = np.concatenate([step.rates for step in steps])
     for k in range(1, STAGES + 1):
         new = state + h * TABLE[k, :k].dot(rates[:k])

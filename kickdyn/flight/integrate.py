@@ -1,7 +1,8 @@
 """Integration of differential equations by DOP853, up to the first of some events.
 
-The steps, their error estimate and their interpolants are those of scipy's class. Several motions are integrated
-side by side: each has its own time and step, and numpy computes the stages of all steps at once.
+The steps, their error estimate and their interpolants are those of scipy's class. Several motions
+are integrated side by side: each has its own time and step, and numpy computes the stages of all
+steps at once.
 
 A step that an event falls into is taken anew so that it ends just after the event: the interpolant
 of a step is far more accurate near its end than within it.

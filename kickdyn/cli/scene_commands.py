@@ -23,10 +23,10 @@ from kickdyn.scene.toml_reader import load_scene
 
 @command("simulate")
 @scene_argument
-@click.option("--tolerance", default=0.05, show_default=True,
+@click.option("--tolerance", type=float, show_default="0.05",
               help="Largest error of the ball's final position [m].")  # fmt: skip
-@click.option("--exact", is_flag=True, help="Model all effects, whatever the tolerance.")
-def simulate(scene_file: str, tolerance: float, exact: bool, output: JsonOptions) -> None:
+@click.option("--exact", is_flag=True, help="Model all effects, as exactly as possible.")
+def simulate(scene_file: str, tolerance: float | None, exact: bool, output: JsonOptions) -> None:
     """Simulate a scene file to a tolerance, and print its error budget.
 
     SCENE is a TOML file, or the name of one that comes with kickdyn: free_kick, paper_kick,
@@ -36,9 +36,11 @@ def simulate(scene_file: str, tolerance: float, exact: bool, output: JsonOptions
     Example: kickdyn simulate free_kick --tolerance 0.01
     """
     output.check(inputs=[scene_file])
+    if exact and tolerance is not None:
+        raise InvalidInput(f"--exact takes no tolerance: leave out --tolerance {tolerance:g}")
     scene = load_scene(scene_file)
     with busy("simulating"):
-        answer = simulate_scene(scene, None if exact else tolerance)
+        answer = simulate_scene(scene, 0.05 if tolerance is None and not exact else tolerance)
         document = _simulation_document(answer)
     output.write_json(document)
     output.print_rows(answer)

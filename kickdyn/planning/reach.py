@@ -111,7 +111,7 @@ class ReachTable(ReprMixin):
 
     def to_json(self) -> dict[str, object]:
         """Return the numbers, for JSON."""
-        return attributes(self, "robot motion rows")
+        return attributes(self, "robot motion rows warnings")
 
     @styled()
     def plot(self) -> Any:

@@ -35,6 +35,7 @@ REFUSED = [
     ("view paper_kick", "--out, --png or --json"),
     ("view paper_kick --json a.json --at 1", "--at", "--png"),
     ("tradeoff --scene paper_kick --plot x.bmp", "x.bmp", ".png"),
+    ("simulate free_kick --exact --tolerance 1", "--exact", "--tolerance 1"),
     # plans
     ("plan --distance 20 --height 1 --time 0.7 --wall 9.15:1.9 --no-limits", "wall", "edge"),
     (f"{PLAN} --out a.csv", "--out is 'a.csv'", "--motion"),

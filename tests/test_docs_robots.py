@@ -47,9 +47,8 @@ def test_as_many_urdf_files_load_as_the_page_says(readings):
         assert posture.condition < 1e7, reading.file
 
 
-@pytest.mark.parametrize(
-    ("file", "frame"), [("alex_psyonic_hands.urdf", "Torso"), ("romeo.urdf", "r_sole")]
-)
+@pytest.mark.parametrize(("file", "frame"), [
+    ("alex_psyonic_hands.urdf", "Torso"), ("romeo.urdf", "r_sole")])  # fmt: skip
 def test_the_remedy_of_a_refusal_can_be_copied(readings, file, frame):
     """Its `locked=` for Python and its options for commands lock the same joints."""
     (refused,) = (reading for reading in readings if reading.file.endswith("/" + file))

@@ -83,9 +83,8 @@ def test_a_text_becomes_a_restitution(text, value):
     assert read_restitution(text) == value
 
 
-@pytest.mark.parametrize(
-    "text", ["", "fast", "5:0.8:1", "5:0.8,", "1.2", "nan", "0.7,0.8", "5:2", "20:0.6,5:0.8"]
-)
+@pytest.mark.parametrize("text", [
+    "", "fast", "5:0.8:1", "5:0.8,", "1.2", "nan", "0.7,0.8", "5:2", "20:0.6,5:0.8"])  # fmt: skip
 def test_a_text_is_refused(text):
     with pytest.raises(kd.InvalidInput, match="restitution"):
         read_restitution(text)

@@ -367,7 +367,9 @@ class Integration:
     ) -> StepGenerator[tuple[Step, dict[Event, _Fall]]]:
         """Take a step; take it anew until it ends shortly after the first of events within it.
 
-        Return the step, and where the functions of all events fall through zero in it.
+        A step that moves the ball by less than is tolerated, as where it comes to rest at a plane,
+        is not taken anew: shorter ones would follow the rounding of the event's function. Return
+        the step, and where the functions of all events fall through zero in it.
         """
         shortest = max(100.0 * math.ulp(time), 1e-300)
         while True:
@@ -377,7 +379,8 @@ class Integration:
             falls = {event: fall for event, (fall, _) in found.items() if fall is not None}
             again = min((doubt for _, doubt in found.values()), default=1.0)
             about = min((fall.about for fall in falls.values()), default=1.0)
-            if again == 1.0 and about < 1.0 - EVENT_MARGIN:
+            moves = np.abs(step.state[:3] - step.before[:3]) > self.tolerance.absolute[:3]
+            if again == 1.0 and about < 1.0 - EVENT_MARGIN and moves.any():
                 again = (1.0 + 0.5 * EVENT_MARGIN) * about
             if again == 1.0 or step.length <= shortest:
                 return step, falls

@@ -506,7 +506,10 @@ def _end_step(values_of, i, flights, lane, measured, time_limit, known):
     if after > before_end:
         first, before_end = fallen, after
     margin, resolvable = flights.tolerance[row, 4], h > max(100.0 * _EPS * t, 1e-300)
-    if again == 1.0 and before_end > margin and resolvable:
+    moves = False  # as in `Integration._step_to`
+    for c in range(i, U, LANES):
+        moves |= abs(lane.new[c] - lane.state[c]) > lane.scale[c]
+    if again == 1.0 and before_end > margin and moves and resolvable:
         if first != fallen:
             before_end = _correct_fall(values_of, i, first, before_end, h, lane, measured)
         again = (1.0 - before_end) * (1.0 + 0.5 * margin)

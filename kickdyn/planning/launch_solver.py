@@ -75,10 +75,10 @@ class ShootingProblem:
             return np.array(spin)
         change = launch[:3] - self.struck.velocity
         along = change / (float(np.linalg.norm(change)) or 1.0)
-        axial_spin = float(self.struck.spin @ along)
-        if abs(axial_spin) < ACROSS_SHARE * float(np.linalg.norm(self.struck.spin)):
-            axial_spin = 0.0
-        return np.asarray(spin + (axial_spin - spin @ along) * along)
+        axial = float((self.struck.spin - spin) @ along)
+        if abs(axial) < ACROSS_SHARE * float(np.linalg.norm(self.struck.spin)):
+            axial = 0.0
+        return np.asarray(spin + axial * along)
 
     def shoot(self, launch: Array, time: float, slopes: bool = True) -> DifferentiableFlight | None:
         """Fly the unknowns without the time for a time [s]; None if that fails."""

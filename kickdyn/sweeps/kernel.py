@@ -332,9 +332,10 @@ def least_speed_use(tree, bodies, task, state):  # type: ignore[no-untyped-def]
     turned = cross(task.base_turn, vector(state.from_base))
     for i in range(3):
         state.needed[i] = (task.speed if i == 2 else 0.0) - (task.base_velocity[i] + turned[i])
-    movers, limited, least = 0, 0, math.inf
+    movers, limited, least, longest = 0, 0, math.inf, spread(0.0)
     for k in range(1, len(tree)):
         if tree[k].carries_foot and tree[k].speed_limit > 0.0:
+            longest = larger(longest, dot(bodies[k].jacobian, bodies[k].jacobian))
             movers += 1
             limited += 1 if tree[k].speed_limit <= UNLIMITED else 0
             least = min(least, tree[k].speed_limit)
@@ -346,12 +347,12 @@ def least_speed_use(tree, bodies, task, state):  # type: ignore[no-untyped-def]
             if task.planar:
                 column = bodies[j].jacobian
                 y = -column[2], spread(0.0), spread(0.0) + column[0]
-                _raise_speed_use(tree, bodies, state, least, y)
+                _raise_speed_use(tree, bodies, state, least, longest, y)
                 continue
             for k in range(j + 1, len(tree)):
                 if tree[k].carries_foot:
                     y = _orthogonal(bodies[j].jacobian, bodies[k].jacobian, state)
-                    _raise_speed_use(tree, bodies, state, least, y)
+                    _raise_speed_use(tree, bodies, state, least, longest, y)
     if movers < (2 if task.planar else 3):
         state.doubt = 1.0
     # from there on, the foot can hardly move so
@@ -370,11 +371,12 @@ def _orthogonal(a, b, state):  # type: ignore[no-untyped-def]
 
 
 @jitable
-def _raise_speed_use(tree, bodies, state, least, y):  # type: ignore[no-untyped-def]
+def _raise_speed_use(tree, bodies, state, least, longest, y):  # type: ignore[no-untyped-def]
     r"""Raise the speed use to the value of a candidate :math:`y`, if that is larger.
 
-    w is the velocity that the joints must give the contact point, and `least` the smallest speed
-    limit above 0.
+    w is the velocity that the joints must give the contact point, `least` the smallest speed limit
+    above 0, and `longest` the square of the longest column, by which a joint's whole column may be
+    rounding, where its axis passes through the contact point.
     """
     capacity = spread(0.0)
     for k in range(1, len(tree)):
@@ -384,7 +386,7 @@ def _raise_speed_use(tree, bodies, state, least, y):  # type: ignore[no-untyped-
         along = magnitude(dot(a, y))
         if limit > 1e3 * least:  # its product with a rounding error may count beside other joints
             limit = limit if limit <= UNLIMITED else math.inf
-            moves = along > ROUNDING * square_root(dot(a, a) * dot(y, y))
+            moves = along > ROUNDING * square_root(longest * dot(y, y))
             capacity += choose(moves, limit * along, 0.0)
         else:
             capacity += limit * along

@@ -95,7 +95,10 @@ def _evaluate(node: ast.AST, data: xr.Dataset) -> Any:
 
 def _column(data: xr.Dataset, name: str) -> xr.DataArray:
     """Return a joint or variable of a dataset by its name, angles in degrees."""
-    joints = [str(joint) for joint in data.coords if str(joint)[:-4] not in data.coords]
+    joints = [
+        joint for joint in map(str, data.coords)
+        if not joint.endswith("_deg") or joint.removesuffix("_deg") not in data.coords
+    ]  # fmt: skip
     names = [*joints, *(variable for variable in VARIABLES if variable in data)]
     if name not in names:
         choices = ", ".join(f"{entry} [{shown_unit(data, entry)}]" for entry in names)

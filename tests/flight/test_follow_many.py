@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tolerances import integrated
+from tolerances import agrees, integrated
 
 import kickdyn as kd
 from kickdyn.flight.batch import MARCH
@@ -55,9 +55,19 @@ def test_every_row_is_followed(states, air, options, statuses):
             assert row[name].values == right, (name, i)
         assert float(row.duration) == pytest.approx(one.duration, abs=near), i
         for name in ("duration", "distance"):  # of 1 ns, too
-            right = getattr(one, name)
-            assert float(row[name]) == pytest.approx(right, rel=10 * near, abs=0), (name, i)
+            assert float(row[name]) == pytest.approx(getattr(one, name), rel=10 * near, abs=0), i
     assert seen == statuses
+
+
+def test_a_plane_where_balls_come_to_rest_does_not_change_where_they_end():
+    """Their distance from it is there little more than rounding."""
+    ball, air, ahead = kd.Ball(radius=0.11), kd.Air(wind=(1, 0.5, 0)), np.array([0.6, -0.8, 0])
+    one = kd.BallState((0, 0, 0.11), 8 * ahead, 8 / 0.11 * np.array([0.8, 0.6, 0]))
+    end, past = kd.follow(one, ball, air, TURF).rest.position, np.geomspace(1e-14, 1e-9, 40)
+    motion = (np.tile(vector, (40, 1)) for vector in (one.velocity, one.spin))
+    states = kd.BallState(past[:, None] * ahead + one.position, *motion)
+    many = kd.follow_many(states, ball, air, TURF, plane=kd.Plane(end, -ahead, "centre"))
+    agrees(many.position.values, np.tile(end, (40, 1)), integrated(1e-8))
 
 
 @pytest.mark.parametrize(("states", "ground", "words"), [

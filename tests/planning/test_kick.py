@@ -80,9 +80,8 @@ def test_no_drawn_kick_of_the_human_leg_is_better(objective):
     assert plan.value <= 1.02 * smooth * min(values)
 
 
-@pytest.mark.parametrize(
-    "objective", ["joint-speed", pytest.param("joint-impulse", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("objective", [
+    "joint-speed", pytest.param("joint-impulse", marks=pytest.mark.slow)])  # fmt: skip
 def test_a_kick_of_g1_meets_its_goal_within_all_limits(objective):
     goal = kd.Goal((4, 1, 0), time=0.8)
     plan = kd.plan_kick(G1, goal, BALL, AIR, objective=objective, ball_position=-0.58)

@@ -192,16 +192,11 @@ def test_bad_ranges_are_named(settings, named, tmp_path):
         make(tmp_path / "bad.npz", **settings)
 
 
-@pytest.mark.parametrize(
-    ("other", "named"),
-    [
-        ({"ball": kd.Ball(0.3, 0.11)}, "mass of the ball is 0.3"),
-        ({"ball": kd.Ball(radius=0.1)}, "radius of the ball is 0.1"),
-        ({"height": -0.5}, "height of the ball is -0.5"),
-        ({"contact": kd.Contact(None, 0.3, 0.4)}, "restitution is 0.3"),
-        ({"contact": kd.Contact(None, 0.8, 0.6)}, "friction is 0.6"),
-    ],
-)
+@pytest.mark.parametrize(("other", "named"), [
+    ({"ball": kd.Ball(0.3, 0.11)}, "mass of the ball is 0.3"), ({"ball": kd.Ball(radius=0.1)},
+    "radius of the ball is 0.1"), ({"height": -0.5}, "height of the ball is -0.5"),
+    ({"contact": kd.Contact(None, 0.3, 0.4)}, "restitution is 0.3"),
+    ({"contact": kd.Contact(None, 0.8, 0.6)}, "friction is 0.6")])  # fmt: skip
 def test_a_library_of_another_impact_is_refused(other, named, library):
     with pytest.raises(InvalidInput, match=f"{named}: human.npz exists"):
         kd.kick_library(kd.Leg.human(), library.file, **other)

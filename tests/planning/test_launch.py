@@ -152,8 +152,7 @@ VELOCITY = np.array([18.0, 2.0, 9.0])
 
 
 @pytest.mark.parametrize(
-    "condition", [{"time": 1.0}, {"speed": 20.0}, {"over": (9.0, 2.0)}, {"apex": 3.0}]
-)
+    "condition", [{"time": 1.0}, {"speed": 20.0}, {"over": (9.0, 2.0)}, {"apex": 3.0}])  # fmt: skip
 def test_slopes_of_all_equations_are_those_of_differences(condition):
     struck = kd.BallState(velocity=(-3.0, 1.0, 0.5), spin=(9.0, -4.0, 6.0))
     air, axis = kd.Air(drag="brazuca"), SPIN / np.linalg.norm(SPIN)
@@ -172,9 +171,11 @@ def test_slopes_of_all_equations_are_those_of_differences(condition):
             (equations(x + step)[0] - equations(x - step)[0]) / 2e-3 for step in 1e-3 * np.eye(5)
         ]
         agrees(equations(x)[1], np.transpose(expected), differenced(1))
-    along = VELOCITY - struck.velocity
-    along /= np.linalg.norm(along)
+    along = (VELOCITY - struck.velocity) / np.linalg.norm(VELOCITY - struck.velocity)
     assert problem.spin_of(x[:-1]) @ along == pytest.approx(struck.spin @ along, rel=closed_form())
+    kept = ShootingProblem(kd.Ball(), air, struck.spin, struck=struck)  # a foot without friction
+    for across in np.cross(np.pi * np.eye(3), struck.spin) / 3.0:  # but for rounding
+        assert kept.spin_of(struck.velocity + across).tolist() == struck.spin.tolist()
 
 
 @pytest.mark.parametrize("spin", [(0, -80.0, 0), (0, 0, 0)])

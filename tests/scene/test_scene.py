@@ -142,9 +142,8 @@ def test_an_effect_alone_is_left_out(name):
     assert less.name == "all"
 
 
-@pytest.mark.parametrize(
-    ("wind", "speed"), [((1, 2, 0), 9.0), (lambda z: (z, 0.0, 0.0), math.hypot(8.0, 2.0))]
-)
+@pytest.mark.parametrize(("wind", "speed"), [
+    ((1, 2, 0), 9.0), (lambda z: (z, 0.0, 0.0), math.hypot(8.0, 2.0))])  # fmt: skip
 def test_constant_drag_is_that_of_the_launch_relative_to_the_air(wind, speed):
     full = all_effects(air=kd.Air(drag="brazuca", wind=wind))
     drag = BY_NAME["drag crisis"].without(full, LAUNCH).air.drag

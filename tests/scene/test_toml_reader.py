@@ -115,17 +115,13 @@ def test_values_arrive_in_their_units(read):
 
 
 @pytest.mark.parametrize(
-    ("slide", "kind"), [(True, 'type="slide" axis="0 0 -1"'), (False, 'axis="0 1 0"')]
-)
+    ("slide", "kind"), [(True, 'type="slide" axis="0 0 -1"'), (False, 'axis="0 1 0"')])  # fmt: skip
 def test_a_file_is_looked_for_from_the_folder_of_the_scene(read, tmp_path, slide, kind):
     (tmp_path / "my.xml").write_text(HINGES.format(kind))
     angles = "angles_deg = { hip = 90 }\npositions_m = { knee = 0.3 }"
     angles = angles if slide else "angles_deg = { hip = 90, knee = 0 }"
-    scene = read(
-        ('model = "human"', 'file = "my.xml"'),
-        ("angles_deg = { hip = 5, knee = 10, ankle = -5 }", angles),
-        ("[2, 0, 1]", "[0, 0, 1]"),
-    )
+    here = "angles_deg = { hip = 5, knee = 10, ankle = -5 }", angles
+    scene = read(('model = "human"', 'file = "my.xml"'), here, ("[2, 0, 1]", "[0, 0, 1]"))
     np.testing.assert_allclose(scene.q, [np.pi / 2, 0.3 * slide])
     reach = 1.0 + 0.3 * slide  # along x; the toe is 0.2 m above
     agrees(scene.posture.contact_point, [reach, 0, 0.2], closed_form(10))

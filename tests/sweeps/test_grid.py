@@ -106,9 +106,8 @@ def test_ranges_hold_for_joints_that_others_move(leg_with_arm):
             refused()
 
 
-@pytest.mark.parametrize(
-    ("largest", "steps", "word"), [(IN_MEMORY, 1001, "store"), (LARGEST, 100_001, "640.0 GB")]
-)
+@pytest.mark.parametrize(("largest", "steps", "word"), [
+    (IN_MEMORY, 1001, "store"), (LARGEST, 100_001, "640.0 GB")])  # fmt: skip
 def test_too_many_postures_are_refused_with_their_size(largest, steps, word):
     check_size((largest // 2, 2), largest)
     with pytest.raises(kd.InvalidInput, match=f"{2 * steps**2:,} .*{word}"):

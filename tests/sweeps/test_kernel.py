@@ -92,10 +92,15 @@ def test_branches_slides_and_rotors_count():
     model.addFrame(pin.Frame("toe", 5, 0, tip, pin.FrameType.OP_FRAME))
     model.armature, model.velocityLimit = np.linspace(0.01, 0.05, 5), np.linspace(3.0, 9.0, 5)
     leg = kd.Leg.from_model(model, "toe")
-    planar, counts = agree(
-        leg, Kick(attack=0.2, friction=0.1), {n: np.array([0.1, 0.6]) for n in leg.joint_names}
-    )
+    axes = {name: np.array([0.1, 0.6]) for name in leg.joint_names}
+    planar, counts = agree(leg, Kick(attack=0.2, friction=0.1), axes)
     assert (planar, counts["doubt"]) == (True, 0)
+
+
+def test_a_joint_whose_axis_passes_through_the_contact_point_does_not_move_it():
+    leg = kd.Leg.human(height=1.8, mass=75.0, model="3d")  # its subtalar joint, without a limit
+    axes = dict.fromkeys(("hip", "hip_adduction", "hip_rotation"), np.array([-0.3, 0.2]))
+    assert agree(leg, Kick(speed=9.0), axes, 1e4) == (False, {"sticks": 8, "slips": 0, "doubt": 0})
 
 
 @pytest.mark.parametrize("planar", [True, False])

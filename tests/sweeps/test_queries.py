@@ -97,18 +97,18 @@ def made_up():
     columns["carry"] = ("hip", CARRY, {"units": "m"})
     columns["status"] = ("hip", np.zeros(4, np.int8))
     hip = np.radians(DEGREES["hip"])
-    return xr.Dataset(columns, {"hip": ("hip", hip, {"units": "rad"}), "hip_deg": (
-        "hip", DEGREES["hip"], {"units": "deg"})})  # fmt: skip
+    return xr.Dataset(columns, {"hip": ("hip", hip, {"units": "rad"}), "hip_deg": ("hip",
+        DEGREES["hip"], {"units": "deg"}), "hip_yaw": ("hip", hip, {"units": "rad"})})  # fmt: skip
 
 
 @pytest.mark.parametrize("text", [
-    "hip<30", "launch_angle < 30 and hip >= 10", "not launch_angle > 5.2 or hip == 0",
+    "hip_yaw<30", "launch_angle < 30 and hip >= 10", "not launch_angle > 5.2 or hip == 0",
     "0 < hip <= 20", "0 < hip < launch_angle", "hip - 2*launch_angle < -2", "-hip/10 + 1 > +0",
     "'hip' > 15", "carry > 0", "carry != 0.1", " hip > 5", "not hip > carry", "1 < 2",
     "(hip > 5) and (hip < 25 or carry < 1) and not hip == 20"])  # fmt: skip
 def test_a_condition_is_true_where_python_says_so(made_up, text):
     rows = zip(DEGREES["hip"], DEGREES["launch_angle"], CARRY, strict=True)
-    plain = text.strip().replace("'hip'", "hip")
+    plain = text.strip().replace("'hip'", "hip").replace("hip_yaw", "hip")
     right = [eval(plain, {"hip": h, "launch_angle": a, "carry": c}) for h, a, c in rows]
     assert np.broadcast_to(condition(made_up, text).values, 4).tolist() == right
 

@@ -213,12 +213,15 @@ class Collision(AfterApproach):
         """Estimate of the numerical error of the impulse [N s], `tol` times the impulse or more.
 
         It is twice the change of the impulse when the tolerance is 100 times tighter, or more where
-        the deflection is so small that it has fewer digits.
+        the deflection, or the impulse beside the momentum of the ball, is so small that it has
+        fewer digits.
         """
         equations = self._motion.equations.with_tolerance(max(self.tol * 1e-2, 1e-13))
         tighter = Collision(self.approach, equations.tol, _motion_of(equations))
         size = math.hypot(*self.impulse)
-        least = max(self.tol, 1e-12, 10.0 * PLACE_ROUNDING / self.deflection) * size
+        momentum = self.ball.mass * math.hypot(*self.ball_after.velocity)
+        least = max(self.tol, 1e-12, PLACE_ROUNDING / self.deflection) * size
+        least = max(least, 1e-15 * momentum)  # as the impulse is a difference of momenta
         return max(2.0 * math.hypot(*(tighter.impulse - self.impulse)), least)
 
     @cached_property
@@ -350,24 +353,16 @@ def collide(
     try:
         motion = _motion_of(equations)
     except (KickdynError, ValueError):
-        if isinstance(equations, PatchContact) and equations.lowest < 0.05 * ball.radius:
-            raise _pressed_by(equations, ball) from None
+        if patch is not None and equations.lowest < 0.05 * ball.radius:  # type: ignore[attr-defined]
+            raise _pressed_by(equations, force) from None
+        # two masses alone press the ball by speed times contact time, over 3.22 at most
+        if patch is None and approach.speed * expected > 4.0 * ball.radius:
+            raise _pressed_by(equations, force) from None
         raise
     collision = Collision(approach, tol, motion)
     if collision.flattening < ball.radius * (1.0 - 1e-9):
         return collision
-    if isinstance(equations, PatchContact):
-        raise _pressed_by(equations, ball)
-    pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m"
-    if not isinstance(force, ForceModel) or force.exponent == LINEAR:
-        raise InvalidInput(
-            f"ball pressure is {ball.pressure:g} Pa: {pressed} at an approach speed of "
-            f"{approach.speed:.4g} m/s"
-        )
-    raise InvalidInput(
-        f"stiffness is {force.stiffness:g} N/m^1.5: {pressed}; a shorter contact time makes it "
-        "stiffer"
-    )
+    raise _pressed_by(equations, force)
 
 
 SECONDS_OF_COLLIDE = 0.02
@@ -411,14 +406,22 @@ def _integrated(equations: CompliantContact) -> IntegratedContact:
     return integrate_contact(equations)
 
 
-def _pressed_by(equations: PatchContact, ball: Ball) -> InvalidInput:
-    """Return the error of a strip that goes through the ball."""
-    patch = equations.patch
+def _pressed_by(equations: CompliantContact, force: NormalForce) -> InvalidInput:
+    """Return the error of a foot that reaches the centre of the ball."""
+    ball, speed = equations.ball, f"at an approach speed of {equations.approach.speed:.4g} m/s"
+    if isinstance(equations, PatchContact):
+        patch = equations.patch
+        return InvalidInput(
+            f"patch width is {patch.width:g} m: {speed} and with an offset of {patch.offset:g} m, "
+            f"the strip would press the ball beyond its radius of {ball.radius:g} m; a wider "
+            "strip, a smaller offset or a slower foot is within the model"
+        )
+    pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m {speed}"
+    if not isinstance(force, ForceModel) or force.exponent == LINEAR:
+        return InvalidInput(f"ball pressure is {ball.pressure:g} Pa: {pressed}")
     return InvalidInput(
-        f"patch width is {patch.width:g} m: at an approach speed of "
-        f"{equations.approach.speed:.4g} m/s and with an offset of {patch.offset:g} m, the strip "
-        f"would press the ball beyond its radius of {ball.radius:g} m; a wider strip, a smaller "
-        "offset or a slower foot is within the model"
+        f"stiffness is {force.stiffness:g} N/m^1.5: {pressed}; a shorter contact time makes it "
+        "stiffer"
     )
 
 
@@ -438,7 +441,13 @@ def _expected_time(approach: Approach, model: NormalForce) -> float:
         model = ForceModel(approach.ball.stiffness, 1.0, LINEAR)
     spring, speed = (model.stiffness, model.restitution, model.exponent), approach.speed
     expected = float(spring_time(*spring, approach.reduced_mass(), speed))
-    return validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
+    if expected < SHORTEST_CONTACT * (1.0 - 1e-9):
+        raise InvalidInput(
+            f"stiffness is {model.stiffness:.4g} N/m^{model.exponent:g}: too high, the contact "
+            f"would take {expected:.3g} s at an approach speed of {speed:.4g} m/s, less than "
+            f"{SHORTEST_CONTACT:g} s"
+        )
+    return expected
 
 
 def _checked_torque(torque: ArrayLike | Torque | None, nv: int) -> Array | Torque:
@@ -505,7 +514,10 @@ def checked_stiffness(
 ) -> float | str | None:
     """Return a stiffness from outside, which a contact time excludes; else raise."""
     if contact_time is not None:
-        validation.number("contact time", contact_time, above=0, at_most=LONGEST_CONTACT, unit="s")
+        validation.number(
+            "contact time", contact_time, at_least=SHORTEST_CONTACT, at_most=LONGEST_CONTACT,
+            unit="s",
+        )  # fmt: skip
     if contact_time is not None and stiffness is not None:
         raise InvalidInput(
             f"contact_time is {contact_time!r} and stiffness {stiffness!r}: give only one of them"

@@ -26,12 +26,13 @@ from kickdyn.impact.contact_motion import (
 )
 
 STARTING = 1e-5
-"""Sliding speed, relative to the approach speed, up to which points that begin to slide count as
-`STARTS`: their direction of sliding changes faster than an explicit integrator follows."""
+"""Sliding speed, relative to the speed of the approach or of the sliding at first contact, up to
+which points that begin to slide count as `STARTS`: their direction of sliding changes faster than
+an explicit integrator follows."""
 
 RESTING = 10.0
-"""Sliding speed up to which points are at rest, relative to the approach speed times the tolerance
-of the integrator."""
+"""Sliding speed up to which points are at rest, relative to the same speed times the tolerance of
+the integrator, which is the error of a sliding that stops."""
 
 STABILIZATION_RATE = 10.0
 """Rate at which errors of supports, loops and sticking decay, over the expected contact time."""
@@ -53,8 +54,12 @@ BRIEF = 0.02, 1e-4
 """Time in which points come to rest, relative to the expected contact time, that one step may go
 beyond: where they slide straight, and where they turn, which takes ever shorter steps."""
 
-PLACE_ROUNDING = 1e-15
-"""Rounding of the deflection [m], of foot and ball a metre from the first joint."""
+NARROW = 1e-9
+"""Bracket of the end of a phase, relative to the step, in which rounding may decide the sign."""
+
+PLACE_ROUNDING = 1e-14
+"""Error of the deflection [m] that rounding of the places of foot and ball, a metre from the first
+joint, and of what follows from them explains."""
 
 SLIPS, STICKS, STARTS = 0.0, 1.0, 2.0
 """Kinds of friction: points slide, and friction opposes the sliding; friction stops them; they are
@@ -74,6 +79,7 @@ LANE = np.dtype(
         ("exponent", float, BATCH),  # n
         ("rate", float, BATCH),  # at which the sliding of points that stick decays [1/s]
         ("resting", float, BATCH),  # speed of points at rest [m/s]
+        ("starting", float, BATCH),  # speed of points that begin to slide [m/s]
         ("speed", float, BATCH),  # of the approach [m/s]
         ("expected", float, BATCH),  # contact time of the two masses alone [s]
         ("first_step", float, BATCH),  # [s]
@@ -142,10 +148,12 @@ def set_lanes(
     lane.stiffness[:], lane.exponent[:], lane.share[:] = stiffness, exponent, restitution**2
     lane.rate[:], lane.expected[:], lane.speed[:] = STABILIZATION_RATE / time, time, speed
     lane.tolerance_factor[:] = np.maximum(1.0, PLACE_ROUNDING / (tol * speed * time))
-    lane.resting[:], lane.energy[:] = RESTING * tol * speed, 0.5 * mass * speed * speed
+    lane.energy[:] = 0.5 * mass * speed * speed
     lane.first_step[:] = lane.step[:] = time * min(FIRST_STEP * tol ** (2 / 7), 0.3)
     lane.spin[:] = np.where(spin > 0.0, spin, speed / lane.radius)
     size = np.hypot(*sliding)
+    fastest = np.maximum(speed, size)
+    lane.resting[:], lane.starting[:] = RESTING * tol * fastest, STARTING * fastest
     slips = size > 2.0 * lane.resting
     lane.kind[:] = np.where(slips, SLIPS, STARTS)
     lane.along[:] = np.where(slips, sliding / np.where(slips, size, 1.0), 0.0)
@@ -203,7 +211,7 @@ def friction_force(lane, i, size, mobility, free):
                 most * mobility[0], most * mobility[1], most * mobility[2], free[0], free[1]
             )
             f1, f2 = most * d1, most * d2
-            slowest = STARTING * lane.speed[i] + 3.0 * lane.resting[i]
+            slowest = lane.starting[i] + 3.0 * lane.resting[i]
             end = min(slowest - math.sqrt(w1 * w1 + w2 * w2), -reserve)
     lane.most[i], lane.reserve[i], lane.rest[i], lane.ends[2, i] = most, reserve, rest, end
     return f1, f2
@@ -266,7 +274,7 @@ def _precision(lane, i, which, precision):
     if lane.kind[i] == SLIPS:
         return lane.resting[i]
     if lane.kind[i] == STARTS and lane.ends[2, i] != -lane.reserve[i]:
-        return 5.0 * STARTING * lane.speed[i]
+        return 5.0 * lane.starting[i]
     return precision * lane.most[i]
 
 
@@ -276,7 +284,7 @@ def _next_trial(lane, i):
     low, high = lane.low[i], lane.high[i]
     above, below = lane.low_value[i], lane.high_value[i]
     if low == 0.0 and lane.which[i] == 2.0 and lane.kind[i] == STARTS:
-        slowest = STARTING * lane.speed[i]  # the sliding grows with the square of the time
+        slowest = lane.starting[i]  # the sliding grows with the square of the time
         lane.step[i] = high * max(math.sqrt(2.0 * slowest / (slowest - below)), 1e-3)
     elif above > 0.0:
         share = above / (above - below)
@@ -321,13 +329,18 @@ def _end_step(lane, i, error, precision):
             lane.high_value[i] *= weight if weight > 0.0 else 0.5
         lane.low[i], lane.low_value[i] = h, value
         _next_trial(lane, i)
+        if lane.high[i] - h < NARROW * h:
+            lane.step[i] = lane.high[i]
         return AGAIN
     value, accepted = lane.ends[which, i], _precision(lane, i, which, precision)
     if value >= -accepted:
         return which
     if h < 1e-6 * lane.first_step[i] and lane.begin[which, i] <= 0.0:
         return which + AT_BEGINNING
-    if not trying or which != int(lane.which[i]):
+    known = trying and which == int(lane.which[i])
+    if known and h - lane.low[i] < NARROW * h:
+        return which
+    if not known:
         begin = lane.begin[which, i]
         lane.low[i], lane.low_value[i] = 0.0, begin + 0.5 * accepted if begin > 0.0 else 0.0
     elif lane.low_value[i] > 0.0:

@@ -212,11 +212,11 @@ def test_the_instant_is_the_limit(name):
     kick, options, law = LIMITS[name]
     instant = kd.strike(*kick, law, **options)
     assert instant.sticking is (name == "stick")
-    options = options | {"tol": 1e-8 if name == "stick" else 1e-11}
-    brief, briefer = (kd.collide(*kick, contact_time=time, **options) for time in (4e-5, 1e-5))
+    options = options | {"tol": 1e-9 if name == "stick" else 1e-11}
+    hits = [kd.collide(*kick, contact_time=time, **options) for time in (4e-5, 1e-5, 1e-7)]
     for read in (lambda hit: hit.impulse, lambda hit: hit.v_after, lambda hit: hit.energy_lost):
-        far, near = (np.linalg.norm(read(hit) - read(instant)) for hit in (brief, briefer))
-        assert near <= 1e-2 * np.linalg.norm(read(instant))
+        far, near, least = (np.linalg.norm(read(hit) - read(instant)) for hit in hits)
+        assert 10.0 * least <= near <= 1e-2 * np.linalg.norm(read(instant))
         assert far / near == pytest.approx(4.0, rel=0.05)
 
 
@@ -276,21 +276,22 @@ def test_the_error_is_no_less_than_estimated(tol):
     assert rough.energy_residual < integrated(tol)
 
 
-@pytest.mark.parametrize(("speed", "pull"), [(2e-6, 0), (2e-6, 9), (3e-4, 30), (0.03, 30)])
+@pytest.mark.parametrize(("speed", "pull"), [(2e-6, 0), (2e-6, 9), (3e-4, 900), (0.03, 30)])
 def test_a_foot_that_grazes_the_ball(speed, pull):
-    """It goes across at 10 m/s and is pulled back: a linear spring has d'' = -w^2 d - a."""
-    ball, leg, contact = kd.Ball(pressure=80e3), rails("xy"), kd.Contact(AHEAD, 1.0)
+    """It slides at 10 m/s and is pulled back: a linear spring has d'' = -w^2 d - a."""
+    ball, leg, contact = kd.Ball(pressure=80e3), rails("xy"), kd.Contact(AHEAD, 0.1, 0.3)
     w, x = math.sqrt(ball.stiffness * (0.5 + 1 / ball.mass)), 2.0 * math.atan2(1.0, pull)
-    exact = 2.0 * math.sin(x / 2) ** 2 - pull * (x - math.sin(x))  # x: w times the contact time
+    exact = 2.0 * math.sin(x / 2) ** 2 - pull * (x - math.sin(x))  # x: w T, where e is 1
     kick = leg.posture([0.0, 0.0]), [speed, 10.0], ball, contact
     linear = {"stiffness": "pressure", "torque": [-2.0 * pull * w * speed, 0.0]}
     hertz = {"contact_time": 0.01, "torque": [-200.0 * pull * speed, 0.0]}
     fine = kd.collide(*kick, **hertz, tol=1e-12).impulse[0]
-    for options, right in ((linear, exact * ball.stiffness * speed / w**2), (hertz, fine)):
+    for options, right in ((linear, 0.55 * exact * ball.stiffness * speed / w**2), (hertz, fine)):
         one = kd.collide(*kick, **options)
         many = kd.collide_many(leg, [[0, 0]], [[speed, 10.0]], ball, contact, tol=1e-9, **options)
         bound = min(integrated(1e-9) + 1e-14 / one.deflection, 30.0 * one.error / right)
         assert [one.impulse[0], many.impulse[0, 0]] == pytest.approx([right] * 2, rel=bound)
+        assert one.impulse[1] == pytest.approx(0.3 * right, rel=bound)  # it slides to the end
 
 
 def test_a_foot_that_turns_turns_the_force():
@@ -336,18 +337,17 @@ def test_a_copy_runs_again_to_the_same_digits(options):
 
 
 @pytest.mark.parametrize(("options", "words"), [
-    ({"contact_time": 0.0}, "contact time is 0"),
     ({"contact_time": 10}, r"contact time is 10.* at most 0\.1"),
-    ({"contact_time": 1e-12}, "contact time is .*at least 1e-09"),
-    ({"contact_time": 0.01, "stiffness": 1e5}, "only one"),
+    ({"contact_time": 1e-12}, "contact time is 1e-12.*at least 1e-09"),
+    ({"stiffness": 1e30}, "stiffness is 1e.30 .*too high"),
+    ({"ball_velocity": (-1e13, 0, 0)}, "stiffness is .*radius.*speed of"),
+    ({"contact_time": 0.01, "stiffness": 1e5}, "only one"), ({"contact_time": 0.0}, "time is 0"),
     ({"stiffness": -1.0}, "stiffness is -1"), ({"stiffness": 1e3}, "stiffness is 1000 .*radius"),
     ({"stiffness": "pressure", "ball": kd.Ball(pressure=2e3)}, "pressure is 2000 .*radius"),
-    ({"stiffness": "air"}, "'air': .*'pressure' or 'inflated'"),
-    ({"stiffness": "pressure"}, "ball pressure is None"),
+    ({"stiffness": "air"}, "'air': .*'pressure'"), ({"torque": lambda: None}, "torque .*t, q, v"),
+    ({"stiffness": "pressure"}, "ball pressure is None"), ({"torque": [1.0]}, r"shape \(1,\)"),
     ({"stiffness": "inflated"}, "restitution 'inflated'"), ({"tol": 0.1}, r"tol is 0\.1"),
-    ({"torque": [1.0]}, r"torque has shape \(1,\)"),
     ({"torque": lambda t, q, v: math.nan * v}, "torque is .*finite"),
-    ({"torque": lambda: None}, "torque is .*t, q, v"),
     ({"contact": kd.Contact((1, 0, 0.3), 0.0)}, r"restitution is 0\.0: .*0\.01"),
     ({"ball_velocity": (14 - 1e-7, 0, 4)}, "approach speed is .*at least 1e-06"),
     ({"ball": kd.Ball(math.inf)}, "mass is inf"), ({"model": "disc"}, "model is 'disc'")

@@ -147,7 +147,7 @@ def finds_kick(case: Case, draw: np.random.Generator) -> bool:
 
 
 def _random_waits(balls: Interceptor, reach: Reach, draw: np.random.Generator) -> list[float]:
-    """Return random times within reach; of a leg in a plane, those at which the ball is in it."""
+    """Return random times within reach; of a leg in a plane, those at which a ball crosses it."""
     times = np.linspace(0.0, balls.course.duration, 2000)
     places = balls.course.sample(times).position
     near = times[np.linalg.norm(places - reach.centre, axis=1) < 1.1 * reach.radius]
@@ -156,10 +156,8 @@ def _random_waits(balls: Interceptor, reach: Reach, draw: np.random.Generator) -
     waits = np.sort(draw.uniform(near[0], near[-1], TIMES))
     if reach.across is None:
         return list(waits)
-    try:
-        return list(waits_in_plane(waits, lambda wait: balls.beside(wait) - reach.beside))
-    except kd.InvalidInput:
-        return []
+    crossing = waits_in_plane(waits, lambda wait: balls.beside(wait) - reach.beside)
+    return list(crossing if len(crossing) else waits)  # at others, the leg is placed at the ball
 
 
 def _fast_enough(task: ImpactTask, problem: KickProblem, draw: np.random.Generator) -> np.ndarray:

@@ -16,7 +16,10 @@ from kickdyn.restitution import approach_speed, check_invertible, restitution_at
 from kickdyn.robot.leg import Posture
 
 STICKING = 1e-9
-"""Share of the friction that a trap leaves unused, so that the foot sticks."""
+"""Share of the friction that is left unused by a limited spin, so that the foot sticks."""
+
+MOST_TURNS, SAME_SPIN = 50, 1e-14
+"""Of the search for the direction of a foot's plane: steps, and relative change that ends it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,15 +52,29 @@ class ImpactTarget(ReadOnlyArrays):
         from_centre = -self.ball.radius * self.contact.normal
         return float(from_centre[2]), float(from_centre @ left)
 
+    @property
+    def facing(self) -> Array:
+        """The impulse without its part across the vertical plane of the normal, `(3,)` [N s].
+
+        A leg whose foot moves in a plane is turned so that this is in it.
+        """
+        x, y, _ = self.contact.normal.tolist()
+        across = np.array([-y, x, 0.0]) / (math.hypot(x, y) or 1.0)
+        return np.asarray(self.impulse - (self.impulse @ across) * across)
+
     def velocity_change(self, posture: Posture) -> Array:
         r"""Return the change :math:`W p` of the contact points' relative velocity, `(3,)` [m/s].
 
         W is the Delassus matrix of foot and ball.
         """
+        return np.asarray(posture.delassus() @ self.impulse + self.surface_change)
+
+    @cached_property
+    def surface_change(self) -> Array:
+        """Change of the velocity of the ball's surface at the contact, shape `(3,)` [m/s]."""
         impulse, normal, ball = self.impulse, self.contact.normal, self.ball
         tangential = impulse - normal * (normal @ impulse)
-        of_ball = impulse / ball.mass + ball.turning * tangential
-        return np.asarray(posture.delassus() @ impulse + of_ball)
+        return validation.read_only(impulse / ball.mass + ball.turning * tangential)
 
     @cached_property
     def surface_velocity(self) -> Array:
@@ -111,18 +128,67 @@ def spin_change_limit(impulse: float, ball: Ball, contact: Contact) -> float:
     return math.sin(math.atan(contact.friction)) * ball.radius * impulse / ball.inertia
 
 
-def trapped_ball(wish: BallState, before: BallState, ball: Ball, contact: Contact) -> BallState:
-    """Return a ball with a wished velocity and the spin that is nearest to the wished one.
+def struck_spin(
+    velocity: Array, spin: Array, ball: Ball, contact: Contact, before: BallState, *, limited: bool
+) -> Array:
+    """Return the spin, nearest to a wished one, of a ball that is struck and has a velocity then.
 
-    The impulse changes the spin across it only, and not by more than friction allows.
+    The impulse changes the spin across it only, and if this is `limited`, by no more than friction
+    allows.
     """
-    impulse = ball.mass * (wish.velocity - before.velocity)
+    impulse = ball.mass * (velocity - before.velocity)
     size = math.hypot(*impulse)
-    direction, change = impulse / (size or 1.0), wish.spin - before.spin
+    direction, change = impulse / (size or 1.0), spin - before.spin
     change = change - (change @ direction) * direction
-    most = (1.0 - STICKING) * spin_change_limit(size, ball, contact)
-    change *= min(1.0, most / (math.hypot(*change) or 1.0))
-    return BallState(before.position, wish.velocity, before.spin + change, before.time)
+    if limited:
+        most = (1.0 - STICKING) * spin_change_limit(size, ball, contact)
+        change *= min(1.0, most / (math.hypot(*change) or 1.0))
+    return np.asarray(before.spin + change)
+
+
+def planar_spin(
+    velocity: Array,
+    spin: Array,
+    ball: Ball,
+    contact: Contact,
+    before: BallState,
+    base: Array,
+    *,
+    limited: bool,
+) -> Array:
+    r"""Return the `struck_spin` of a ball that is struck by a foot which moves in a vertical plane.
+
+    It is nearest to the wished one about the horizontal axis a across the plane. Along a, the foot
+    moves as its base only, at the velocity b, and sticks: the ball's surface, of velocity s before,
+    has this velocity after it, by the part of the impulse p along a,
+
+    .. math:: a \cdot p = -a \cdot (s - b) / (1 / m + r^2 / I),
+
+    which gives the spin about an axis in the plane. The direction of the plane follows from it.
+    """
+    impulse = ball.mass * (velocity - before.velocity)
+    lateral_mass = 1.0 / (1.0 / ball.mass + ball.turning)
+    most = (1.0 - STICKING) * spin_change_limit(math.hypot(*impulse), ball, contact)
+    change, normal = np.zeros(3), impulse / (math.hypot(*impulse) or 1.0)
+    for _ in range(MOST_TURNS):
+        slides = before.velocity - ball.radius * np.cross(before.spin, normal) - base
+        x, y, _ = (impulse + lateral_mass * slides).tolist()
+        across = np.array([-y, x, 0.0]) / (math.hypot(x, y) or 1.0)
+        in_plane = impulse - (impulse @ across) * across
+        size = math.hypot(*in_plane) or 1.0
+        arm = ball.radius / ball.inertia
+        beside = arm * float(impulse @ across)
+        wished = float((spin - before.spin) @ across)
+        if limited:
+            room = math.sqrt(max(most * most - beside * beside, 0.0))
+            wished = min(max(wished, -room), room)
+        sine = min(max(wished / (arm * size), -1.0), 1.0)
+        along, last = in_plane / size, change
+        normal = math.sqrt(1.0 - sine * sine) * along + sine * np.cross(across, along)
+        change = wished * across + beside * np.cross(across, normal)
+        if math.dist(change, last) <= SAME_SPIN * math.hypot(*change, *before.spin):
+            break
+    return np.asarray(before.spin + change)
 
 
 def impact_target_for(
@@ -147,9 +213,11 @@ def impact_target_for(
         sine = ball.inertia * turn / (ball.radius * size)
         most = spin_change_limit(size, ball, contact)
         if not turn <= most:
+            remedy = "; a foot without friction (friction=0, --friction 0) leaves the ball's spin"
+            remedy = remedy if before.spin.any() else ""
             raise InvalidInput(
                 f"spin is {turn:.4g} rad/s: with friction {contact.friction:g} the foot gives this "
-                f"launch at most {most:.4g} rad/s"
+                f"launch at most {most:.4g} rad/s{remedy}"
             )
         normal = math.sqrt(1.0 - sine * sine) * along + sine * np.cross(spin / turn, along)
     return ImpactTarget(impulse, replace(contact.for_ball(ball), normal=normal), ball, before)

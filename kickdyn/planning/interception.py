@@ -27,7 +27,14 @@ from kickdyn.planning.goal import is_level
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frames_by_name
-from kickdyn.robot.standing import StandingRobot, is_floating, kicking_chain, rest_configuration
+from kickdyn.robot.standing import (
+    StandingRobot,
+    foot_directions,
+    is_floating,
+    kicking_chain,
+    rest_configuration,
+    vertical_plane,
+)
 
 FASTEST_BALL = 100.0
 """Largest speed of a ball that is met [m/s]."""
@@ -38,10 +45,6 @@ LONGEST_WAIT, SHORTEST_COURSE = 10.0, 1e-6
 SAMPLES, CANDIDATES = 400, 7
 """Numbers of times at which the path is compared with the reach of the leg, and of those in reach
 for which a kick is sought."""
-
-CROSSING_SHARE = 1 / 40
-"""Time before and after an estimated crossing of the foot's plane at which the exact one is sought,
-over the time within reach."""
 
 DRAWN_REACH, BEYOND_REACH = 200, 1.1
 """Number of postures from which the reach of a leg is estimated, and distance over this reach up to
@@ -168,18 +171,13 @@ def reach_of(leg: Leg, ball: Ball) -> Reach:
     chain = kicking_chain(limb, branches=True).leg
     draw = np.random.default_rng(0)
     lower, upper = np.maximum(chain.lower, -math.pi), np.minimum(chain.upper, math.pi)
-    points = np.array([
-        chain.posture(draw.uniform(lower, upper)).contact_point for _ in range(DRAWN_REACH)
-    ])  # fmt: skip
+    drawn = [chain.posture(draw.uniform(lower, upper)) for _ in range(DRAWN_REACH)]
+    points = np.array([posture.contact_point for posture in drawn])
     model = kicking_chain(limb).leg.model
     centre = np.array(model.jointPlacements[1].translation)
     radius = float(np.linalg.norm(points - centre, axis=1).max()) + ball.radius
-    middle = points.mean(axis=0)
-    _, sizes, axes = np.linalg.svd(points - middle)
-    if sizes[2] > 1e-9 * sizes[0] or abs(axes[2][2]) > 1e-9:
-        return Reach(centre, radius, None, 0.0)
-    normal = axes[2] * (1.0 if axes[2][1] > 0.0 else -1.0)  # legs face x
-    return Reach(centre, radius, normal, float(normal @ middle))
+    normal = vertical_plane(foot_directions(drawn))
+    return Reach(centre, radius, normal, 0.0 if normal is None else float(normal @ points[0]))
 
 
 def waits_in_reach(
@@ -191,9 +189,6 @@ def waits_in_reach(
     escaping: Callable[[float], str],
 ) -> Array:
     """Return the times since the ball was seen at which a kick is tried, shape `(n,)` [s].
-
-    For a leg that is turned, they are close before and after the ball crosses the plane of the
-    foot, too.
 
     Args:
         incoming: the ball.
@@ -239,17 +234,7 @@ def waits_in_reach(
         return tried
     elapsed = np.cumsum(np.gradient(times)[within[inside]])  # without times out of reach
     parts = np.linspace(elapsed[0], elapsed[-1], CANDIDATES + 2)[1:-1]
-    waits = np.interp(parts, elapsed, tried)
-    if reach.across is None:
-        return np.asarray(waits)
-    places = states.position[within[inside]]
-    lateral = ahead[inside, 0] * places[:, 1] - ahead[inside, 1] * places[:, 0] - reach.beside
-    if np.abs(lateral).max() <= BESIDE:
-        return np.asarray(waits)
-    crossed = np.flatnonzero(lateral[:-1] * lateral[1:] < 0.0)
-    margin = max(3, int(CROSSING_SHARE * tried.size))
-    ends = [np.clip(crossed + step, 0, tried.size - 1) for step in (-margin, margin + 1)]
-    return np.union1d(waits, tried[np.concatenate(ends)])
+    return np.asarray(np.interp(parts, elapsed, tried))
 
 
 def _times_on_path(incoming: IncomingBall, course: Course, reach: Reach, radius: float) -> Array:
@@ -317,7 +302,7 @@ def waits_in_plane(waits: Array, aside: Callable[[float], float]) -> Array:
     """Return the times [s] at which the ball is in the plane of a leg that is turned to the launch.
 
     `aside` is the distance of the ball beside the plane at one of the times within reach [m]; nan
-    without a launch.
+    without a launch. Where the ball is never in it, no time is returned.
     """
     gaps = np.array([aside(t) for t in waits.tolist()])
     roots = waits[np.abs(gaps) <= BESIDE].tolist()
@@ -327,10 +312,4 @@ def waits_in_plane(waits: Array, aside: Callable[[float], float]) -> Array:
         if gap * other < 0.0 and min(abs(gap), abs(other)) > BESIDE:
             with suppress(ValueError, KickdynError):
                 roots.append(float(brentq(aside, t, then, xtol=1e-12)))
-    if not roots:
-        raise InvalidInput(
-            "the foot of the leg moves in a plane that is turned to the launch, and the ball does "
-            f"not cross it within reach: it is at least {np.nanmin(np.abs(gaps)):.3g} m away from "
-            "it (the leg of a robot such as g1 can reach sideways)"
-        )
     return np.array(sorted(roots))

@@ -81,7 +81,8 @@ def plan_kick(
     Args:
         leg: a leg on a fixed base, without supports or loops, and without mimic joints in the
             kicking limb; one whose foot moves in a plane, as ours do, is turned about the vertical
-            towards the launch, by the plan's `heading`. Or a robot on a floating base that stands
+            towards the launch, by the plan's `heading`, and moved to a given `ball_position` beside
+            its plane, by `moved`. Or a robot on a floating base that stands
             on one flat support, see below, without loops and mimic joints. The plan's q has one
             angle for each continuous joint.
         goal: the goal, seen from where the ball lies. The component of its spin along the launch is
@@ -134,7 +135,9 @@ def plan_kick(
     With `incoming`, the ball's path is followed to where the leg reaches it, and kicks are planned
     for several times on it; `plan.meeting` is the one of the least `speed_use`, and `plan.meetings`
     has all. A base that moves is in its place at the time of the meeting. Where the goal names no
-    other spin, the kick stops the ball's spin; without friction, the spin stays.
+    other spin, the kick stops the ball's spin as far as friction allows; without it, the spin
+    stays. A leg whose foot moves in a plane is placed at the ball by the plan's `moved` where the
+    ball does not cross this plane, and where it crosses it only in kicks beyond the limits.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
@@ -175,7 +178,7 @@ def plan_kick(
         if not motion:
             return task.kick(*solve_kick(problem, OBJECTIVES[named])).plan()
         chosen = _plan_motion(problem, both_feet=motion == BOTH_FEET)
-        return task.plan(problem.heading, chosen, task.strike(chosen))
+        return task.plan(problem, chosen, task.strike(chosen))
 
 
 def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None = None) -> KickPlan:

@@ -75,6 +75,8 @@ class KickPlan(ReprMixin):
             under a leg on a fixed base is not known.
         heading: angle by which `leg` is turned to the left about the vertical [rad]; 0 but for a
             leg whose foot moves in a plane, and a goal aside of it.
+        moved: way by which this leg, then, is moved across its plane to a ball beside it, shape
+            `(3,)` [m, world frame]: where its body has to step; else 0.
         balance: distance of the centre of mass inside the edge of the sole, seen from above [m];
             None for a leg on a fixed base.
         motion: from rest through the impact to rest, with `motion=True`; else None.
@@ -98,6 +100,7 @@ class KickPlan(ReprMixin):
     binding: tuple[str, ...]
     ball_is_placed: bool
     heading: float
+    moved: Array = field(default_factory=lambda: np.zeros(3))
     balance: float | None = None
     motion: Motion | None = None
     meeting: Meeting | None = None
@@ -154,6 +157,8 @@ class KickPlan(ReprMixin):
         yield "contact to the left of it", round(1e3 * left, 9), "mm"
         if abs(math.degrees(self.heading)) >= 0.005:
             yield "heading", math.degrees(self.heading), "deg"
+        if self.moved.any():
+            yield "leg placed from where it was", self.moved, "m"
         leg = self.leg
         for name, (value, unit) in leg.display_values(self.q).items():
             speed = float(self.v[leg.velocity_index(name)])
@@ -175,7 +180,7 @@ class KickPlan(ReprMixin):
 
     @property
     def leg(self) -> Leg:
-        """The leg that kicks: as it was given, or turned by `heading`."""
+        """The leg that kicks: as it was given, or turned by `heading` and `moved`."""
         return self.impact.posture.leg
 
     @property

@@ -9,7 +9,7 @@ those postures that need the least joint speed, of many that are drawn with a fi
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -46,8 +46,15 @@ from kickdyn.planning.problem import TOLERANCE, Function, Kind, Problem, Term
 from kickdyn.robot.collisions import CollisionBody, bodies_at, find_self_collisions
 from kickdyn.robot.ground_clearance import TOLERANCE as ON_GROUND
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.standing import KickingChain, StandingRobot, is_floating, kicking_chain
-from kickdyn.robot.surgery import turn_body
+from kickdyn.robot.standing import (
+    KickingChain,
+    StandingRobot,
+    foot_directions,
+    is_floating,
+    kicking_chain,
+    vertical_plane,
+)
+from kickdyn.robot.surgery import place_body
 
 DRAWN, STARTS, RATED, WIDELY_DRAWN = 80, 4, 20, 80
 """Numbers of postures that are drawn, of those among them from which a problem is solved, of those
@@ -78,7 +85,8 @@ AnyTerm = TypeVar("AnyTerm", bound=Term[KickPoint])
 class KickProblem:
     """The problem of a kick."""
 
-    robot: Leg  # that kicks; turned by `heading` [rad] to the left about the vertical
+    # that kicks; turned by `heading` [rad] to the left about the vertical, then moved by `moved`
+    robot: Leg
     # the kicking limb of the robot with all that branches off it, on a fixed base
     limb: KickingChain
     variables: KickVariables  # the unknowns
@@ -86,6 +94,7 @@ class KickProblem:
     terms: tuple[Term[KickPoint], ...]  # the conditions and bounds, without an objective
     drawn: Array  # postures that are drawn, shape `(m, n)` [rad; m for prismatic joints]
     heading: float = 0.0  # see `robot`
+    moved: Array = field(default_factory=lambda: np.zeros(3))  # see `robot`, shape `(3,)` [m]
     standing: StandingRobot | None = None  # the robot on its foot; None for a leg on a fixed base
     pairs: Sequence[
         tuple[CollisionBody, None]
@@ -226,15 +235,18 @@ def kick_problem(
         like: a problem of the same robot, whose parts are used again.
 
     Raises:
-        InvalidInput: a leg that cannot kick in this direction, or a ball beside its plane.
+        InvalidInput: a leg that cannot kick in this direction, or with this spin.
     """
     draw = np.random.default_rng(0)
-    if like is None or like.heading or _heading_towards(like.foot_directions, target.impulse):
-        like = _without_terms(robot, target, draw)
+    if like is not None and like.standing is None:
+        variables = like.variables.for_target(target)
+        heading, way = _placement(variables, like.foot_directions, ball_position)
+        if like.heading or like.moved.any() or heading or way.any():
+            like = None  # from the given place, the leg is placed elsewhere
+    like = like or _without_terms(robot, target, ball_position, draw)
     robot, directions, standing = like.robot, like.foot_directions, like.standing
     variables = like.variables.for_target(target)
     _check_directions(variables, directions)
-    _check_sliding(variables, directions)
 
     # the later, the less a kick needs it: an explanation omits the last terms first
     terms: list[Term[KickPoint]] = [JointRange(variables), StrikeVelocity(variables, directions)]
@@ -262,8 +274,13 @@ def kick_problem(
     return replace(like, variables=variables, terms=tuple(terms), drawn=drawn)
 
 
-def _without_terms(robot: Leg, target: ImpactTarget, draw: np.random.Generator) -> KickProblem:
-    """Return a problem without terms and drawn postures, of a leg that is turned to the impulse."""
+def _without_terms(
+    robot: Leg,
+    target: ImpactTarget,
+    ball_position: float | Array | None,
+    draw: np.random.Generator,
+) -> KickProblem:
+    """Return a problem without terms and drawn postures, of a leg that is placed at the ball."""
     standing = StandingRobot(robot) if is_floating(robot) else None
     if standing is not None:
         robot = standing.robot
@@ -277,15 +294,20 @@ def _without_terms(robot: Leg, target: ImpactTarget, draw: np.random.Generator) 
         limb = kicking_chain(robot, branches=True)
     variables = KickVariables(limb.leg, target)
     directions = _foot_directions(variables, draw)
-    heading = 0.0 if standing is not None else _heading_towards(directions, target.impulse)
-    if heading:
-        robot = robot.with_model(turn_body(robot.model, 0, pin.rpy.rpyToMatrix(0.0, 0.0, heading)))
+    heading, moved = 0.0, np.zeros(3)
+    if standing is None:
+        heading, moved = _placement(variables, directions, ball_position)
+    if heading or moved.any():
+        place = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, heading), moved)
+        robot = robot.with_model(place_body(robot.model, 0, place))
         limb = kicking_chain(robot, branches=True)
         variables = KickVariables(limb.leg, target)
         directions = _foot_directions(variables, draw)
     pairs = bodies_near_ball(robot)
     drawn = np.zeros((0, variables.n))
-    return KickProblem(robot, limb, variables, directions, (), drawn, heading, standing, pairs)
+    return KickProblem(
+        robot, limb, variables, directions, (), drawn, heading, moved, standing, pairs
+    )
 
 
 def solve_kick(problem: KickProblem, objective: Objective) -> tuple[KickProblem, KickPoint]:
@@ -375,9 +397,7 @@ def _touches(ball: BallPosition, point: KickPoint) -> bool:
 def _foot_directions(variables: KickVariables, draw: np.random.Generator) -> Array:
     """Return the directions in which the foot can move at all, orthonormal rows, by drawn q."""
     drawn = draw.uniform(variables.lower, variables.upper, (8, variables.n))
-    postures = [variables.posture(q) for q in drawn]
-    directions, gains, _ = np.linalg.svd(np.hstack([posture.jacobian for posture in postures]))
-    return np.asarray(directions[:, gains > 1e-9 * gains[0]].T)
+    return foot_directions(variables.posture(q) for q in drawn)
 
 
 def _leaves(directions: Array, vector: Array, size: float | None = None) -> bool:
@@ -388,36 +408,30 @@ def _leaves(directions: Array, vector: Array, size: float | None = None) -> bool
 
 
 def _check_directions(variables: KickVariables, directions: Array) -> None:
+    """Refuse an impulse that a foot which moves in a plane cannot give, or that lets it slide."""
+    if len(directions) == 3:  # nothing is across
+        return
     target, name = variables.target, variables.leg.name
-    if _leaves(directions, target.impulse):
+    if _leaves(directions, target.contact.normal):
         launch = (target.impulse / target.ball.mass).round(4).tolist()
         raise InvalidInput(
             f"{name} cannot give this launch: its foot moves in a plane, and {launch} m/s is not "
             "in it"
         )
-    if _leaves(directions, target.contact.normal):
-        raise InvalidInput(
-            f"{name} cannot give this spin: its foot moves in a plane only, and side spin needs a "
-            "foot that moves sideways, such as the one of g1"
-        )
-
-
-def _check_sliding(variables: KickVariables, directions: Array) -> None:
-    """Refuse a contact that would slide across the plane in which the foot moves."""
-    if len(directions) == 3:  # nothing is across
+    if target.contact.friction == 0.0:
         return
-    target, drawn = variables.target, np.linspace(variables.lower, variables.upper, 3)
-    ball = target.surface_velocity
+    drawn = np.linspace(variables.lower, variables.upper, 3)
     bases = [variables.posture(q).transport_velocity for q in drawn]
-    speed = max(float(np.linalg.norm(velocity)) for velocity in (ball, *bases))
-    if target.contact.friction == 0.0 or speed == 0.0:
-        return
-    if any(_leaves(directions, ball - base, speed) for base in bases):
-        mover = "ball" if np.linalg.norm(ball) > 0.0 else "base"
+    ball, change = target.surface_velocity, target.surface_change
+    speed = max(float(np.linalg.norm(velocity)) for velocity in (ball, change, *bases))
+    if any(_leaves(directions, ball + change - base, speed) for base in bases):
+        cause = "its base moves across this plane" if any(map(np.any, bases)) else (
+            "this needs side spin, or takes it away"
+        )  # fmt: skip
         raise InvalidInput(
-            f"the velocity of the {mover} leaves the plane in which the foot of "
-            f"{variables.leg.name} moves: the foot would slide over the ball; a contact without "
-            "friction (friction=0, --friction 0) or a foot that moves sideways can give this kick"
+            f"{name} cannot give this launch and spin: its foot moves in a plane, and {cause}; "
+            'a foot that moves sideways can (g1, Leg.human(..., model="3d")), or without friction '
+            "(friction=0, --friction 0)"
         )
 
 
@@ -437,19 +451,27 @@ def _place_ball(
     return BallPosition(variables, position, directions)
 
 
-def _heading_towards(directions: Array, vector: Array) -> float:
-    """Return the turn that brings a vector before the leg, into the plane of the foot [rad].
+def _placement(
+    variables: KickVariables, directions: Array, position: float | Array | None
+) -> tuple[float, Array]:
+    """Return the turn [rad] and the way [m] that bring the plane of a foot to impulse and ball.
 
-    It is 0 of a vector that is there or is vertical, and of a foot that is in no vertical plane.
+    The way is across the plane. Both are 0 of a foot that moves in no vertical plane.
     """
-    normal = np.cross(*directions) if len(directions) == 2 else np.array([0.0, 0.0, 1.0])
+    target, normal = variables.target, vertical_plane(directions)
+    vector, heading, way = target.facing, 0.0, np.zeros(3)
     level, leaves = math.hypot(vector[0], vector[1]), _leaves(directions, vector)
-    if abs(normal[2]) > 1e-9 or not level > (0.0 if leaves else 1e-6 * np.linalg.norm(vector)):
-        return 0.0  # no such plane, or no horizontal part to turn to
+    if normal is None:
+        return heading, way
     ahead = np.array([normal[1], -normal[0]])
-    if ahead[0] < 0.0:  # legs face x
-        ahead = -ahead
-    if not leaves and float(ahead @ vector[:2]) > 0.0:
-        return 0.0
-    turn = math.atan2(vector[1], vector[0]) - math.atan2(ahead[1], ahead[0])
-    return math.remainder(turn, 2 * math.pi)
+    behind = not float(ahead @ vector[:2]) > 0.0
+    if (leaves and level > 0.0) or (behind and level > 1e-6 * np.linalg.norm(vector)):
+        turn = math.atan2(vector[1], vector[0]) - math.atan2(ahead[1], ahead[0])
+        heading = math.remainder(turn, 2 * math.pi)
+    if isinstance(position, np.ndarray) and position.shape == (3,):
+        turned = pin.rpy.rpyToMatrix(0.0, 0.0, heading)
+        foot = turned @ variables.posture(np.zeros(variables.n)).contact_point
+        across, gap = turned @ normal, position - target.ball.radius * target.contact.normal - foot
+        if abs(float(across @ gap)) > AT_BALL:
+            way = (across @ gap) * across
+    return heading, way

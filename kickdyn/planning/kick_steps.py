@@ -3,7 +3,7 @@
 import math
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -20,10 +20,15 @@ from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
-from kickdyn.motion.impact_target import ImpactTarget, impact_target_for, trapped_ball
+from kickdyn.motion.impact_target import (
+    ImpactTarget,
+    impact_target_for,
+    planar_spin,
+    struck_spin,
+)
 from kickdyn.plane import Plane
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.interception import IncomingBall
+from kickdyn.planning.interception import IncomingBall, Reach, reach_of
 from kickdyn.planning.kick_limits import (
     Balance,
     KickMuscleTorqueLimit,
@@ -51,6 +56,10 @@ from kickdyn.robot.standing import with_angles
 
 LONGEST_COURSE = 10.0
 """Time for which each flight, and rolling, of a trapped ball is followed at most [s]."""
+
+MOST_LAUNCHES, SAME_SPIN = 20, 1e-12
+"""Of the search for a launch with the spin that a foot gives it which moves in a plane: number of
+launches, and relative difference of the spin at which it ends."""
 
 STRONGEST = LargestShare()
 """The objective of kicks that cannot give the whole change of velocity."""
@@ -142,6 +151,24 @@ class KickSettings:
     limits: bool | str = True
     surface: str | Surface | None = None
 
+    @cached_property
+    def reach(self) -> Reach:
+        """The points at which the foot can be, roughly."""
+        return reach_of(self.leg, self.ball)
+
+    def spin_after(self, goal: Goal | BallState, velocity: Array, before: BallState) -> Array:
+        """Return the spin nearest to a goal's that a ball with a velocity after the kick can have.
+
+        Where the goal names a spin, it may need more friction than there is.
+        """
+        base, limited = self.leg.base_velocity, not goal.spin.any()
+        if self.contact.friction == 0.0:
+            return before.spin
+        task = velocity, goal.spin, self.ball, self.contact, before
+        if self.reach.across is not None:
+            return planar_spin(*task, np.zeros(3) if base is None else base[:3], limited=limited)
+        return struck_spin(*task, limited=limited)
+
 
 def launch_for(
     settings: KickSettings, goal: Goal, before: BallState, near: Launch | None = None
@@ -151,19 +178,19 @@ def launch_for(
     In the air, it keeps the spin along the impulse.
     """
     s = settings
+    if s.contact.friction == 0.0 and before.spin.any():
+        goal = replace(goal, spin=before.spin)
     if s.surface is not None:
         launch = plan_pass(goal, s.ball, s.air, surface=s.surface)
         if launch.limit is not None:
             raise OutOfReach(f"the pass is out of reach: {launch.summary}", launch.limit, launch)
         along = abs(float(goal.spin @ launch.velocity)) / launch.speed
-        if along > 1e-9 * math.hypot(*goal.spin):
+        if along > 1e-9 * math.hypot(*goal.spin) and not before.velocity.any():
             raise InvalidInput(
                 f"spin has {along:g} rad/s along the pass: a ball at rest takes spin across its "
                 "launch only"
             )
         return launch
-    if s.contact.friction == 0.0 and before.spin.any():
-        goal = replace(goal, spin=before.spin)
     flight = plan_launch(goal, s.ball, s.air, struck=before, near=near)
     if flight.limit is not None:
         raise OutOfReach(f"the goal is {flight.summary}", flight.limit, flight)
@@ -198,9 +225,18 @@ class ImpactTask:
         s = settings
         launch: Launch | Pass | BallState
         if isinstance(goal, BallState):
-            launch = trapped_ball(goal, before, s.ball, s.contact)
+            spin = s.spin_after(goal, goal.velocity, before)
+            launch = BallState(before.position, goal.velocity, spin, before.time)
         else:
             launch = launch_for(s, goal, before, near)
+            moves = s.leg.base_velocity is not None or before.velocity.any() or before.spin.any()
+            is_free = not goal.spin.any() or s.reach.across is None
+            for _ in range(MOST_LAUNCHES if moves and is_free and goal.beside is None else 0):
+                spin = s.spin_after(goal, launch.velocity, before)
+                size = math.hypot(*spin, *before.spin)
+                if math.dist(spin, launch.spin) <= SAME_SPIN * size:
+                    break
+                launch = launch_for(s, replace(goal, spin=spin), before, near)
             goal = goal.at(launch.time)
         target = impact_target_for(launch.velocity, launch.spin, s.ball, s.contact, before)
         return cls(s, goal, launch, target, place, incoming)
@@ -212,8 +248,8 @@ class ImpactTask:
 
     @property
     def ahead(self) -> Array:
-        """Horizontal unit vector along the impulse, shape `(3,)`."""
-        x, y, _ = self.target.impulse.tolist()
+        """Horizontal unit vector along which a leg that is turned faces, shape `(3,)`."""
+        x, y, _ = self.target.facing.tolist()
         return np.array([x, y, 0.0]) / (math.hypot(x, y) or 1.0)
 
     def problem(self, like: KickProblem | None = None) -> KickProblem:
@@ -250,7 +286,7 @@ class ImpactTask:
         )  # fmt: skip
 
     def plan(
-        self, heading: float, chosen: Chosen, impact: Impact, meeting: Meeting | None = None
+        self, problem: KickProblem, chosen: Chosen, impact: Impact, meeting: Meeting | None = None
     ) -> KickPlan:
         """Return the plan of a state of the robot, with the path of the ball."""
         s, outcome = self.settings, chosen[2]
@@ -272,7 +308,8 @@ class ImpactTask:
             impact=impact,
             path=path,
             ball_is_placed=self.place is not None,
-            heading=heading,
+            heading=problem.heading,
+            moved=problem.moved,
             meeting=meeting,
             meetings=() if meeting is None else (meeting,),
             **outcome,
@@ -306,7 +343,7 @@ class SolvedKick:
 
     def plan(self) -> KickPlan:
         """Return the plan, with the path of the ball."""
-        return self.task.plan(self.problem.heading, self.chosen, self.impact, self.meeting)
+        return self.task.plan(self.problem, self.chosen, self.impact, self.meeting)
 
 
 def outcome_of(problem: KickProblem, point: KickPoint, objective: Objective) -> Chosen:

@@ -83,8 +83,9 @@ class Kicks:
         if place_is_free:
             place = self.height
         self._like = problem = kick_problem(self.robot, target, place, like=self._like)
-        if problem.heading:
-            raise InvalidInput(f"{self.robot.name} kicks in its plane only: azimuth must be 0")
+        if problem.heading or problem.moved.any():
+            plane = "azimuth must be 0, and y as of its foot"
+            raise InvalidInput(f"{self.robot.name} kicks in its plane only: {plane}")
         task = motion_task(problem)
         if self.joints and self.joints != task.leg.joint_names:
             leg = kicking_chain(task.leg, others=self.aside).leg

@@ -22,7 +22,6 @@ from kickdyn.planning.interception import (
     SHORTEST_COURSE,
     IncomingBall,
     Reach,
-    reach_of,
     state_at,
     waits_in_plane,
     waits_in_reach,
@@ -152,6 +151,7 @@ class Interceptor:
         strongest one is returned.
         """
         reasons, like = dict[float, str](), None
+        self._problems, self._kicks = dict[float, KickProblem](), dict[float, SolvedKick]()
         kicks, problems = self._kicks, self._problems
         for wait in waits:
             try:
@@ -282,13 +282,16 @@ def plan_interception(incoming: IncomingBall, settings: KickSettings) -> KickPla
     s = settings
     incoming = incoming.on_ground_of(s.leg, s.ball)
     with one_thread():
-        reach = reach_of(s.leg, s.ball)
+        reach = s.reach
         balls = Interceptor(s, incoming, reach=reach)
         ways = balls.changes, balls.escaping
         waits = waits_in_reach(incoming, balls.course, reach, s.ball.radius, *ways)
+        crossing = waits
         if reach.across is not None:
-            waits = waits_in_plane(waits, lambda wait: balls.beside(wait) - reach.beside)
-        kicks, reasons = balls.kicks(waits.tolist())
+            crossing = waits_in_plane(waits, lambda wait: balls.beside(wait) - reach.beside)
+        kicks, reasons = balls.kicks(crossing.tolist())
+        if not any(kick.point.share == 1.0 for kick in kicks.values()) and crossing is not waits:
+            kicks, reasons = balls.kicks(waits.tolist())  # the leg is placed at the ball
         if not kicks:
             earliest = next(iter(reasons))
             several = f"at any of {len(waits)} times within reach"

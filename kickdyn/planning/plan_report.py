@@ -77,6 +77,7 @@ class PlanReport:
             verdict(plan),
             self.wall and describe_passage(self.wall, plan),
             self.goal_mouth and str(score(plan)),
+            _describe_place(plan),
             plan.motion
             and f"The motion takes {-plan.motion.begin:.3g} s from rest to the impact and "
             f"{plan.motion.end:.3g} s from there to rest, with "
@@ -108,6 +109,7 @@ class PlanReport:
             "leg": {
                 "name": leg.name,
                 "heading_deg": math.degrees(plan.heading),
+                "moved_m": plan.moved.tolist(),
                 "q_deg": leg.angles_deg(plan.q),
                 "q_m": leg.positions_m(plan.q),
                 **attributes(plan, "v objective value binding speed_use torque_use"),
@@ -142,6 +144,18 @@ class PlanReport:
             numbers = attributes(samples, "q v torque ground_wrench")
             report["motion"] = {"joints": samples.joints, "time": samples.t.tolist(), **numbers}
         return report
+
+
+def _describe_place(plan: KickPlan) -> str:
+    """Return where a leg is placed that kicks a ball beside its plane, as a sentence."""
+    if not plan.moved.any():
+        return ""
+    turn = math.degrees(plan.heading)
+    turned = f"turned by {abs(turn):.3g} deg to the {'left' if turn > 0.0 else 'right'} and "
+    return (
+        f"The leg has to be {turned if abs(turn) >= 0.005 else ''}moved by {_point(plan.moved)} "
+        "from where it was given: the ball is beside the plane in which its foot moves."
+    )
 
 
 def _describe_meeting(plan: KickPlan) -> list[str]:

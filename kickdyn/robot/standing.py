@@ -4,7 +4,8 @@ With the foot as its root, the robot is a tree on a fixed base, and what is made
 (`kicking_chain`, `plan_kick`) applies to it.
 """
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -140,6 +141,24 @@ def kicking_chain(
     if locked := [name for name in robot.joint_names if name not in names]:
         leg = robot.with_model(reduce_model(model, locked, rest_configuration(robot, others)))
     return KickingChain(leg, *coordinate_indices(model, joints))
+
+
+def foot_directions(postures: Iterable[Posture]) -> Array:
+    """Return the directions in which the foot can move at all, by postures that are drawn.
+
+    They are orthonormal rows, shape `(k, 3)`.
+    """
+    directions, gains, _ = np.linalg.svd(np.hstack([x.jacobian for x in postures]))
+    return np.asarray(directions[:, gains > 1e-9 * gains[0]].T)
+
+
+def vertical_plane(directions: Array) -> Array | None:
+    """Return the normal, to the left, of a vertical plane in which a foot moves; None without."""
+    if len(directions) != 2:
+        return None
+    x, y, z = np.cross(*directions).tolist()
+    side = math.copysign(math.hypot(x, y), y)  # legs face x
+    return None if abs(z) > 1e-9 else np.array([x / side, y / side, 0.0])
 
 
 def with_angles(robot: Leg) -> Leg:

@@ -69,16 +69,21 @@ def turn_body(model: Any, joint: int, rotation: Array, centre: ArrayLike = (0.0,
         rotation: from the body's new axes to the joint's axes, shape `(3, 3)`.
         centre: the point about which it is turned, shape `(3,)` [m, joint frame].
     """
-    rotated, centre = model.copy(), np.asarray(centre)
-    turn = pin.SE3(rotation, centre - rotation @ centre)
-    rotated.inertias[joint] = turn.act(rotated.inertias[joint])
-    for child in range(1, rotated.njoints):
-        if rotated.parents[child] == joint:
-            rotated.jointPlacements[child] = turn * rotated.jointPlacements[child]
-    for number, frame in enumerate(rotated.frames):
+    centre = np.asarray(centre)
+    return place_body(model, joint, pin.SE3(rotation, centre - rotation @ centre))
+
+
+def place_body(model: Any, joint: int, placement: Any) -> Any:
+    """Return a model in which a body is moved by an SE3 in the joint's frame, see `turn_body`."""
+    placed = model.copy()
+    placed.inertias[joint] = placement.act(placed.inertias[joint])
+    for child in range(1, placed.njoints):
+        if placed.parents[child] == joint:
+            placed.jointPlacements[child] = placement * placed.jointPlacements[child]
+    for number, frame in enumerate(placed.frames):
         if number and frame.parentJoint == joint and frame.type != pin.FrameType.JOINT:
-            frame.placement = turn * frame.placement
-    return rotated
+            frame.placement = placement * frame.placement
+    return placed
 
 
 def coordinate_indices(

@@ -58,17 +58,6 @@ def test_times_within_reach_are_those_of_the_parabola(speed):
     assert times == pytest.approx(expected, abs=4.8 / speed / 400)
 
 
-def test_times_just_before_and_after_the_crossing_of_a_turned_leg_s_plane_are_among_them():
-    """Through the plane y = 0.1 m, in which the foot of a leg that faces x moves."""
-    state = kd.BallState((2.0, 0.65, 0.0), (-20.0, -8.0, 0.0))
-    reach, ahead = Reach(np.zeros(3), 1.0, np.eye(3)[1], 0.1), np.eye(3)[0]
-    times = waits(state, reach, 0.15, lambda times: np.tile(ahead, (len(times), 1)))
-    after = int(np.searchsorted(times, 0.55 / 8.0))
-    near, apart = times[after] - times[after - 1], np.ptp(times) / (CANDIDATES - 1)
-    assert len(times) == CANDIDATES + 2
-    assert near < 0.5 * apart
-
-
 @pytest.mark.parametrize(("leg", "height", "rate", "ground"), [
     (G1, 0.5, 1.0, None), (G1, -0.9, 1.0, -0.9), (G1, 0.5, 0.0, 0.5), (G1, 0.5, 1e-17, 0.5),
     (BOLT, 0.5, 1.0, 0.0),
@@ -118,8 +107,7 @@ def test_times_in_the_plane_are_the_roots_of_the_distance():
     roots = module.waits_in_plane(times, lambda t: math.cos(2.0 * t))
     assert roots == pytest.approx([math.pi / 4], abs=optimized(1e-10))
     assert module.waits_in_plane(times, lambda t: 1e-9).tolist() == times.tolist()
-    with pytest.raises(kd.InvalidInput, match=r"at least 0\.5 m away"):
-        module.waits_in_plane(times, lambda t: 0.5 + t)
+    assert not len(module.waits_in_plane(times, lambda t: 0.5 + t))
 
 
 @pytest.mark.parametrize(("state", "options", "words"), [

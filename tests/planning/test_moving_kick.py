@@ -23,11 +23,12 @@ ROLLING = kd.BallState((2.0, 0.0, -0.7042), (-2.5, 0.0, 0.0), (0.0, -2.5 / BALL.
 DROPPING = kd.BallState((2.2, 0.0, -0.3), (-5.0, 0.0, 0.3), (0.0, 6.0, 0.0))
 ASIDE = kd.BallState((1.5, 0.6, -0.58), (-2.0, -0.9, 0.0), (8.0, -17.0, 3.0))
 GOAL = kd.Goal(18, time=1.2)
+BESIDE = (HUMAN, -0.7042, (14, 0.6)), (kd.Leg.testbed(), -0.75, (3, 0.25))
 
 
-def interceptor(incoming, goal=GOAL, air=AIR, surface=None, reach=None):
+def interceptor(incoming, goal=GOAL, air=AIR, surface=None, reach=None, leg=HUMAN):
     options = checked_contact(None), KickObjective.JOINT_SPEED, True, surface
-    settings = KickSettings(HUMAN, goal, BALL, air, *options)
+    settings = KickSettings(leg, goal, BALL, air, *options)
     return Interceptor(settings, incoming, reach=reach)
 
 
@@ -48,7 +49,7 @@ def check(plan, goal, incoming):
     _, hit = struck_again(plan, incoming)
     agrees(hit.ball_after.velocity, plan.launch.velocity, optimized(1e-9))
     assert hit.ball_after.spin == pytest.approx(plan.launch.spin, abs=optimized(1e-8))
-    wall = kd.Plane(incoming.position + goal.target, -goal.ahead, "centre")
+    wall = kd.Plane(incoming.position + goal.target, -plan.goal.ahead, "centre")
     path = kd.fly(hit.ball_after, BALL, AIR, kd.Ground(-20.0), 1e-12, plane=wall)
     agrees(path.landing.position, incoming.position + goal.target, optimized(1e-8))
     assert plan.path.status == "at-plane"
@@ -99,6 +100,20 @@ def test_the_plot_has_the_meetings_and_errors_of_10_cm(rolling):
         _, end = np.transpose(line.get_data())
         assert np.hypot(*end) == pytest.approx(10.0)
         assert end == pytest.approx(100 * amount * np.array([-way[1], way[2]]), rel=0.06, abs=0.6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_planar_leg_is_placed_at_a_ball_that_rolls_beside_its_plane_within_5_deg(seed):
+    draw, (leg, z, launch) = np.random.default_rng(seed), BESIDE[seed % 2]
+    ahead, comes = (np.array([np.cos(x), np.sin(x), 0.0]) for x in draw.uniform(-0.087, 0.087, 2))
+    speed, place = draw.uniform(1.5, 3.0), np.array([0.4, draw.uniform(0.01, 0.1), z])
+    spin = np.array([comes[1], -comes[0], 0.0]) * speed / BALL.radius
+    start = kd.BallState(place + 0.4 * speed * comes, -speed * comes, spin)
+    goal = kd.Goal(place - start.position + np.prod(launch) * ahead, time=launch[1])
+    plan = kd.plan_kick(leg, goal, BALL, AIR, incoming=kd.IncomingBall(start, meet_at=0.4))
+    check(plan, goal, start)
+    agrees(plan.leg.model.jointPlacements[1].translation, plan.moved, closed_form())  # of the hip
+    assert "moved by (" in PlanReport(plan).sentences()[1]
 
 
 def test_a_half_volley_is_met_after_its_bounce():
@@ -165,7 +180,8 @@ def test_where_a_ball_is_and_how_it_moves_away(ball, word):
     agrees(kick.target.impulse, BALL.mass * impulse, closed_form(10))
     target = ball.position + goal.target + (0.1 + 0.9) * running
     agrees(kick.before.position + kick.goal.target, target, closed_form(10))
-    across = np.array([-impulse[1], impulse[0], 0.0]) / np.hypot(*impulse[:2])
+    x, y, _ = kick.target.contact.normal  # in the plane of the foot
+    across = np.array([-y, x, 0.0]) / np.hypot(x, y)
     assert balls.beside(0.1) == pytest.approx(float(kick.before.position @ across))
     away, along = velocity @ impulse, velocity @ launch / np.linalg.norm(launch)
     faster = "faster than its launch" if along > np.linalg.norm(launch) else None
@@ -194,13 +210,16 @@ def test_changes_of_the_velocity_are_those_of_parabolas():
 
 @pytest.mark.parametrize(("ball", "height"), [(ROLLING, -0.8142), (DROPPING, -0.82)])
 def test_a_ball_that_rolls_is_passed_along_the_ground(ball, height):
-    """Also where it was seen in the air, or a little above the ground."""
+    """Also where it was seen in the air; the impulse does not change the spin along it."""
     ground = kd.Ground(height, "carpet")
     course = kd.follow(ball, BALL, AIR, ground, 1e-12)
     lower = round(height + BALL.radius - ball.position[2], 3)
     goal = kd.Goal((7, 1, lower), time=1.5)
-    balls = interceptor(kd.IncomingBall(ball, ground), goal, surface="carpet")
+    leg = kd.Leg.human(height=1.8, mass=75, model="3d") if ball is ROLLING else HUMAN
+    balls = interceptor(kd.IncomingBall(ball, ground), goal, surface="carpet", leg=leg)
     kick = balls.at(0.99 * course.duration)
+    impulse = kick.launch.velocity - kick.before.velocity
+    agrees(kick.launch.spin @ impulse, kick.before.spin @ impulse, optimized(1e-7))
     start = kd.BallState(kick.before.position, kick.launch.velocity, kick.launch.spin)
     place = kd.follow(start, BALL, AIR, ground).sample(1.5).position
     assert place[:2] == pytest.approx((ball.position + goal.target)[:2], abs=optimized())

@@ -95,10 +95,8 @@ def _evaluate(node: ast.AST, data: xr.Dataset) -> Any:
 
 def _column(data: xr.Dataset, name: str) -> xr.DataArray:
     """Return a joint or variable of a dataset by its name, angles in degrees."""
-    joints = [
-        joint for joint in map(str, data.coords)
-        if not joint.endswith("_deg") or joint.removesuffix("_deg") not in data.coords
-    ]  # fmt: skip
+    joints = list(map(str, data.coords))
+    joints = [joint for joint in joints if not (joint.endswith("_deg") and joint[:-4] in joints)]
     names = [*joints, *(variable for variable in VARIABLES if variable in data)]
     if name not in names:
         choices = ", ".join(f"{entry} [{shown_unit(data, entry)}]" for entry in names)

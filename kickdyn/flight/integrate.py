@@ -379,9 +379,9 @@ class Integration:
             falls = {event: fall for event, (fall, _) in found.items() if fall is not None}
             again = min((doubt for _, doubt in found.values()), default=1.0)
             about = min((fall.about for fall in falls.values()), default=1.0)
-            moves = np.abs(step.state[:3] - step.before[:3]) > self.tolerance.absolute[:3]
-            if again == 1.0 and about < 1.0 - EVENT_MARGIN and moves.any():
-                again = (1.0 + 0.5 * EVENT_MARGIN) * about
+            if again == 1.0 and about < 1.0 - EVENT_MARGIN:
+                moves = np.abs(step.state[:3] - step.before[:3]) > self.tolerance.absolute[:3]
+                again = (1.0 + 0.5 * EVENT_MARGIN) * about if moves.any() else 1.0
             if again == 1.0 or step.length <= shortest:
                 return step, falls
             self._length = max(again * step.length, shortest)

@@ -62,7 +62,8 @@ class KickPlan(ReprMixin):
         value: value of this quantity.
         share: share of the impulse that is reached, which is the share of the launch speed of a
             ball at rest, and of the change of velocity of one that moves; 1 where the goal is met.
-            It is a lower bound, the best of the local optima from some 50 starts.
+            It is a lower bound, the best of the local optima from some 50 starts; of a ball that
+            moves, from some 20 at the best time.
         impact_target: impulse, normal and contact point on the ball.
         impact: the strike, from the planned posture and joint velocity.
         path: the flight from the impact to the plane of the target, or to the ground before it; of

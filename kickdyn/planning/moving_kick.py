@@ -48,9 +48,10 @@ from kickdyn.robot.leg import Leg
 MENDINGS = 3
 """Number of times that a kick in which bodies collide is planned again at most."""
 
-TOUCHING_STARTS, TOUCHING_TIMES, LAUNCHES = 2, 4, 3
+TOUCHING_STARTS, TOUCHING_TIMES, STRONGEST_STARTS, LAUNCHES = 2, 4, 16, 3
 """Numbers of postures at the ball from which the strongest kick is sought, of the most promising
-times for which it is, and of times for which launches are planned to find where a leg faces."""
+times for which it is, of such postures at the best time then, and of times for which launches are
+planned to find where a leg faces."""
 
 
 class Interceptor:
@@ -202,6 +203,10 @@ class Interceptor:
                 return {best: str(error)} | reasons
         if kicks:
             self._follow(STRONGEST)
+            best = min(kicks, key=lambda wait: kicks[wait].rank)
+            problem, point = kicks[best].problem, kicks[best].point
+            starts = [x for _, _, x in problem.at_ball(STRONGEST_STARTS).rated()]
+            self._seek(best, problem, [point.x, *starts], STRONGEST)
         return reasons
 
     def _check_facing(self, task: ImpactTask) -> None:

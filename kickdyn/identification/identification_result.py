@@ -58,7 +58,8 @@ class Identification(ReprMixin):
         covariance: covariance of the estimates, shape `(p, p)`.
         residuals: fitted less measured positions, shape `(n, 3)` [m].
         used: which samples count, shape `(n,)`; the others are outliers.
-        noise: standard deviation of one measured coordinate [m].
+        noise: standard deviation of one measured coordinate [m]; if that of the axes differs, the
+            root of the mean of their squares.
         widening: factor on the deviations because neighbouring residuals are correlated.
         curved: unknowns whose deviations are larger than in a linear fit, because the sum of
             squares is not quadratic around the estimate.

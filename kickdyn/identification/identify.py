@@ -6,7 +6,8 @@ the positions of the flight that starts with them,
 .. math:: \min_p \; \sum_k \frac{|x(t_k; p) - y_k|^2}{\sigma^2} + \frac{|\omega|^2}{\omega_0^2}
 
 with :math:`x` the solution of the equations of `kickdyn.flight.forces` and :math:`\sigma` the noise
-of a coordinate, estimated from the residuals. The last term says that a spin is of the order of
+of a coordinate, estimated from the residuals, of each axis where they differ by more than chance
+explains, as the depth of a camera's image does. The last term says that a spin is of the order of
 :math:`\omega_0` = 100 rad/s; it decides only where the measurement does not. The covariance of
 the estimate is :math:`\sigma^2 (J^T J)^{-1}` with the derivatives :math:`J` of the residuals,
 increased where neighbouring residuals are correlated.
@@ -70,6 +71,10 @@ LARGEST_FACTOR = 10.0
 measurement plus 10 m/s: a track that is no flight would lead there."""
 
 
+LEAST_SHARE = 0.1
+"""Least noise of an axis over that of another one: a column of zeros has none."""
+
+
 class Free(StrEnum):
     """What can be sought beside the launch."""
 
@@ -121,7 +126,8 @@ def identify(
     _check_flight(track)
     air = Air() if air is None else air
     problem = _Problem(track, ball, air, _sought(free, air))
-    unknowns = _first_guess(problem)
+    estimate = _fit(problem, _first_guess(problem))
+    problem, unknowns = _with_noise_by_axis(problem, estimate), estimate.unknowns
     for _ in range(MOST_MINIMA):
         estimate = _fit(problem, unknowns)
         result = _result(problem, estimate)
@@ -143,6 +149,7 @@ class _Problem(NamedTuple):
     ball: Ball
     air: Air
     sought: tuple[Free, ...]
+    noise_shares: Array = np.ones(3)  # of the axes, by which residuals are divided
 
     @property
     def length(self) -> float:
@@ -209,7 +216,9 @@ class _Problem(NamedTuple):
         times = track.times - track.times[0]
         residuals = (position + flight.states(times)[:, :3] - track.positions).ravel()
         slopes = flight.slopes(times).reshape(residuals.size, -1)
-        return residuals, np.hstack([np.tile(np.eye(3), (len(track), 1)), slopes])
+        slopes = np.hstack([np.tile(np.eye(3), (len(track), 1)), slopes])
+        shares = np.tile(self.noise_shares, len(track))
+        return residuals / shares, slopes / shares[:, None]
 
 
 class _Estimate(NamedTuple):
@@ -288,6 +297,18 @@ def _first_guess(problem: _Problem) -> Array:
     starts = [np.concatenate([launch, spin, of_air]) for spin in spins]
     robust = [_minimise(evaluate, start, prior, **loss) for start in starts]
     return min(robust, key=lambda fit: fit[0])[1]
+
+
+def _with_noise_by_axis(problem: _Problem, estimate: _Estimate) -> _Problem:
+    """Return the problem with the noise of each axis, over the root of the mean of its squares."""
+    sizes = np.abs(estimate.residuals).reshape(-1, 3)
+    noise = np.median(sizes, axis=0)
+    noise = np.maximum(noise, LEAST_SHARE * noise.max())
+    # the logarithm of a median deviates by about 1.2 over the root of the number
+    by_chance = math.exp(6.0 * _widening(problem, estimate) / math.sqrt(len(sizes)))
+    if noise.max() <= noise.min() * by_chance:
+        return problem
+    return problem._replace(noise_shares=noise / math.sqrt(float(np.square(noise).mean())))
 
 
 def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
@@ -380,7 +401,7 @@ def _result(problem: _Problem, estimate: _Estimate) -> Identification:
         names=tuple(problem.names),
         estimates=turn @ unknowns,
         covariance=spread**2 * turn @ covariance(rows) @ turn.T,
-        residuals=estimate.residuals.reshape(-1, 3),
+        residuals=estimate.residuals.reshape(-1, 3) * problem.noise_shares,
         used=estimate.used.reshape(-1, 3)[:, 0],
         noise=noise,
         widening=widening,

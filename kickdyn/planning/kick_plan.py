@@ -103,7 +103,7 @@ class KickPlan(ReprMixin):
     binding: tuple[str, ...]
     ball_is_placed: bool
     heading: float
-    moved: Array = field(default_factory=lambda: np.zeros(3))
+    moved: Array = field(default_factory=lambda: validation.read_only(np.zeros(3)))
     balance: float | None = None
     motion: Motion | None = None
     meeting: Meeting | None = None

@@ -9,12 +9,13 @@ those postures that need the least joint speed, of many that are drawn with a fi
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
 
+from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.impact_target import ImpactTarget
@@ -93,8 +94,8 @@ class KickProblem:
     foot_directions: Array  # in which the foot can move at all, orthonormal rows, shape `(k, 3)`
     terms: tuple[Term[KickPoint], ...]  # the conditions and bounds, without an objective
     drawn: Array  # postures that are drawn, shape `(m, n)` [rad; m for prismatic joints]
-    heading: float = 0.0  # see `robot`
-    moved: Array = field(default_factory=lambda: np.zeros(3))  # see `robot`, shape `(3,)` [m]
+    heading: float  # see `robot`
+    moved: Array  # see `robot`, shape `(3,)` [m]
     standing: StandingRobot | None = None  # the robot on its foot; None for a leg on a fixed base
     pairs: Sequence[
         tuple[CollisionBody, None]
@@ -297,6 +298,7 @@ def _without_terms(
     heading, moved = 0.0, np.zeros(3)
     if standing is None:
         heading, moved = _placement(variables, directions, ball_position)
+    validation.protect(moved)
     if heading or moved.any():
         place = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, heading), moved)
         robot = robot.with_model(place_body(robot.model, 0, place))

@@ -77,12 +77,6 @@ class _Samples(NamedTuple):
     indices: NDArray[np.intp]
     noise: float
 
-    @property
-    def speed_deviation(self) -> float:
-        """Standard deviation [m/s] of the slope at the end of a parabola of `VELOCITY_WINDOW`."""
-        count = max(VELOCITY_WINDOW / float(np.median(np.diff(self.times))), 1.0)
-        return self.noise * math.sqrt(192.0 / count) / VELOCITY_WINDOW
-
 
 class _Piece(NamedTuple):
     """Samples `first` to `last - 1`, and polynomials in the time from `middle`, `(k, 3)`.
@@ -146,8 +140,8 @@ def segments(
     falling = [fall for fall in falls if fall > LEAST_FALL]
     fall = float(np.median(falling)) if falling else 0.0
     refuse_units(track, fall)
-    segments = _described(samples, pieces, level + ball.radius, gaps)
-    restitution, friction = _at_bounces(segments, samples, ball)
+    segments, deviations = _described(samples, pieces, level + ball.radius, gaps)
+    restitution, friction = _at_bounces(track, segments, deviations, ball)
     rolling_deceleration = _rolling_deceleration(samples, segments, ball, air)
     warnings = [*ball.warnings, *doubts_of_track(track, fall)]
     if not falling and any(segment.kind is SegmentKind.OTHER for segment in segments):
@@ -266,35 +260,39 @@ def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
 
 def _described(
     samples: _Samples, pieces: list[_Piece], rest_height: float, gaps: list[int]
-) -> tuple[Segment, ...]:
-    """Return the motion of each piece, and why it begins."""
+) -> tuple[tuple[Segment, ...], list[tuple[float, float]]]:
+    """Return the motion of each piece, why it begins, and deviations of both velocities [m/s]."""
     segments: list[Segment] = []
+    deviations: list[tuple[float, float]] = []
     kinds = [_kind(samples, piece, rest_height) for piece in pieces]
     for i, (piece, kind) in enumerate(zip(pieces, kinds, strict=True)):
-        start, before = float(samples.times[piece.first]), None
+        start, before, spread = float(samples.times[piece.first]), None, 0.0
         begins = CutReason.START if i == 0 else CutReason.GAP
         if i > 0 and piece.first not in gaps:
             start = _meeting_time(samples, pieces[i - 1], piece)
-            before = _velocity(samples, pieces[i - 1], start, kinds[i - 1])
-        after = _velocity(samples, piece, start, kind)
+            before, spread = _velocity(samples, pieces[i - 1], start, kinds[i - 1])
+        after, deviation = _velocity(samples, piece, start, kind)
+        deviations.append((spread, deviation))
         if before is not None:
             begins = CutReason.TOUCH
             height = float(piece.derivative(start, 0)[2]) - rest_height
             down, up = -float(before[2]), float(after[2])
             if kinds[i - 1] not in ON_GROUND and height < CONTACT_HEIGHT and down > 0.0:
                 along = math.hypot(*(after - before)[:2])
-                faster = up - down > 2.0 * samples.speed_deviation
+                faster = up - down > 2.0 * math.hypot(spread, deviation)
                 if kind in ON_GROUND:
                     begins = CutReason.LANDING
                 elif up > 0.0 and not faster and along < MOST_FRICTION * (up + down):
                     begins = CutReason.BOUNCE
         first, last = int(samples.indices[piece.first]), int(samples.indices[piece.last - 1]) + 1
         segments.append(Segment(kind, first, last, begins, start, before, after))
-    return tuple(segments)
+    return tuple(segments), deviations
 
 
-def _velocity(samples: _Samples, piece: _Piece, time: float, kind: SegmentKind) -> Array:
-    """Return the velocity in a piece at a time near one of its ends, shape `(3,)` [m/s].
+def _velocity(
+    samples: _Samples, piece: _Piece, time: float, kind: SegmentKind
+) -> tuple[Array, float]:
+    """Return the velocity in a piece near one of its ends, shape `(3,)`, and its deviation [m/s].
 
     A cubic is fitted to the samples within `VELOCITY_WINDOW`, and to what is known of the
     acceleration and its change: a few noisy samples after a bounce do not determine them.
@@ -308,8 +306,9 @@ def _velocity(samples: _Samples, piece: _Piece, time: float, kind: SegmentKind) 
     prior = np.array([[0, 0, 1 / ACCELERATION_DEVIATION, 0], [0, 0, 0, 1 / JERK_DEVIATION]])
     points = samples.positions[piece.first : piece.last][within]
     wanted = np.vstack([points * weight, acceleration / ACCELERATION_DEVIATION, np.zeros(3)])
-    fit, *_ = np.linalg.lstsq(np.vstack([powers * weight, prior]), wanted)
-    return np.asarray(fit[1])
+    design = np.vstack([powers * weight, prior])
+    fit, *_ = np.linalg.lstsq(design, wanted)
+    return np.asarray(fit[1]), math.sqrt(np.linalg.inv(design.T @ design)[1, 1])
 
 
 def _kind(samples: _Samples, piece: _Piece, rest_height: float) -> SegmentKind:
@@ -339,25 +338,32 @@ def _meeting_time(samples: _Samples, left: _Piece, right: _Piece) -> float:
 
 
 def _at_bounces(
-    segments: Sequence[Segment], samples: _Samples, ball: Ball
+    track: Track,
+    segments: Sequence[Segment],
+    deviations: Sequence[tuple[float, float]],
+    ball: Ball,
 ) -> tuple[Measured | None, Measured | None]:
     """Return restitution and friction at bounces, None without any.
 
     A ball slides to the end of a bounce if slip is left that the next bounce takes away. Friction
     changes the slip by 1 + m r^2 / I times the velocity, and flight as the velocity.
     """
-    speed_deviation = samples.speed_deviation
     slip_per_change = 1.0 + ball.turning * ball.mass
     restitutions, ratios, sliding_ratios = [], [], []
-    for segment, following in zip(segments, [*segments[1:], None], strict=True):
+    for i, segment in enumerate(segments):
         if segment.begins is not CutReason.BOUNCE or segment.velocity_before is None:
             continue
+        following = segments[i + 1] if i + 1 < len(segments) else None
+        at_change = math.hypot(*deviations[i])
         before, after = -float(segment.velocity_before[2]), float(segment.velocity_after[2])
-        deviation = speed_deviation * math.hypot(1.0, after / before) / before
+        # a piece that lasts longer than a flight with its speed has more small bounces in it
+        if track.times[segment.last - 1] - segment.start > 2.0 * after / LEAST_FALL:
+            continue
+        deviation = math.hypot(deviations[i][1], deviations[i][0] * after / before) / before
         restitutions.append((after / before, deviation))
         change = segment.velocity_after - segment.velocity_before
         size = math.hypot(*change[:2])
-        deviation = math.hypot(FRICTION_DEVIATION, 1.5 * speed_deviation / float(change[2]))
+        deviation = math.hypot(FRICTION_DEVIATION, at_change / float(change[2]))
         ratios.append((size / float(change[2]), deviation))
         if following is None or following.velocity_before is None or not size:
             continue
@@ -365,7 +371,7 @@ def _at_bounces(
         slowing = following.velocity_before - segment.velocity_after
         slip_left = (slip_per_change * next_change + slowing)[:2] @ change[:2] / size
         unevenness = FRICTION_DEVIATION * abs(float(next_change[2]))
-        deviation = slip_per_change * math.hypot(unevenness, 1.5 * speed_deviation)
+        deviation = slip_per_change * math.hypot(unevenness, *deviations[i + 1])
         on_ground = following.begins in (CutReason.BOUNCE, CutReason.LANDING)
         if on_ground and slip_left > 2.0 * deviation:
             sliding_ratios.append(ratios[-1])

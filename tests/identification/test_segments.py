@@ -102,10 +102,11 @@ def bounce_of_a_parabola(down, up, count, height=0.0, braked=0.0):
     return times, np.column_stack([5 * times - braked * np.maximum(t, 0.0), 0 * times, z])
 
 
-def test_the_deviation_of_a_restitution_has_the_size_of_its_error():
-    """Of one bounce with a coordinate's noise of 0.02 m."""
+@pytest.mark.parametrize(("rate", "end"), [(50, 1.0), (200, 0.65)])
+def test_the_deviation_of_a_restitution_has_the_size_of_its_error(rate, end):
+    """Of one bounce with a coordinate's noise of 0.02 m, also of a ball that is soon touched."""
     rng, errors, deviations = np.random.default_rng(5), [], []
-    times, points = bounce_of_a_parabola(8.45, 5.07, 50)
+    times, points = (rows[: round(end * rate)] for rows in bounce_of_a_parabola(8.45, 5.07, rate))
     for _ in range(60):
         noisy = kd.Track(times, points + rng.normal(0.0, 0.02, points.shape))
         found = kd.segments(noisy, BALL).restitution

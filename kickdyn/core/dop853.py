@@ -1,7 +1,7 @@
 """The Runge-Kutta method DOP853 (Hairer, Norsett & Wanner): its weights, and its first step.
 
-They are those of `scipy.integrate.DOP853`. To import that takes half a second, which a first flight
-would wait for.
+They are those of `scipy.integrate.DOP853`. Importing it would delay the first flight by half a
+second.
 """
 
 import numpy as np

@@ -6,10 +6,11 @@ the positions of the flight that starts with them,
 .. math:: \min_p \; \sum_k \frac{|x(t_k; p) - y_k|^2}{\sigma^2} + \frac{|\omega|^2}{\omega_0^2}
 
 with :math:`x` the solution of the equations of `kickdyn.flight.forces` and :math:`\sigma` the noise
-of a coordinate, estimated from the residuals, of each axis where they differ by more than chance
-explains, as the depth of a camera's image does. The last term says that a spin is of the order of
-:math:`\omega_0` = 100 rad/s; it decides only where the measurement does not. The covariance of
-the estimate is :math:`\sigma^2 (J^T J)^{-1}` with the derivatives :math:`J` of the residuals,
+of a coordinate, estimated from the residuals: one value, or one of each axis where they differ by
+more than chance explains, as where a camera measures depth less accurately. The last term says that
+a spin is of the order of :math:`\omega_0` = 100 rad/s; it decides only where the measurement does
+not. The covariance of the estimate is :math:`\sigma^2 (J^T J)^{-1}` with the derivatives :math:`J`
+of the residuals,
 increased where neighbouring residuals are correlated.
 """
 
@@ -69,7 +70,6 @@ MOST_DOUBLINGS, MOST_MINIMA = 8, 4
 LARGEST_FACTOR = 10.0
 """Largest size of a coefficient or factor in a fit, and of a speed over the mean speed of the
 measurement plus 10 m/s: a track that is no flight would lead there."""
-
 
 LEAST_SHARE = 0.1
 """Least noise of an axis over that of another one: a column of zeros has none."""

@@ -353,9 +353,9 @@ def collide(
     try:
         motion = _motion_of(equations)
     except (KickdynError, ValueError):
-        if patch is not None and equations.lowest < 0.05 * ball.radius:  # type: ignore[attr-defined]
+        if isinstance(equations, PatchContact) and equations.lowest < 0.05 * ball.radius:
             raise _pressed_by(equations, force) from None
-        # two masses alone press the ball by speed times contact time, over 3.22 at most
+        # two masses alone press the ball by at least speed times contact time, divided by 3.22
         if patch is None and approach.speed * expected > 4.0 * ball.radius:
             raise _pressed_by(equations, force) from None
         raise

@@ -302,7 +302,7 @@ def waits_in_plane(waits: Array, aside: Callable[[float], float]) -> Array:
     """Return the times [s] at which the ball is in the plane of a leg that is turned to the launch.
 
     `aside` is the distance of the ball beside the plane at one of the times within reach [m]; nan
-    without a launch. Where the ball is never in it, no time is returned.
+    without a launch. If the ball is never in the plane, no time is returned.
     """
     gaps = np.array([aside(t) for t in waits.tolist()])
     roots = waits[np.abs(gaps) <= BESIDE].tolist()

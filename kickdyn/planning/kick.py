@@ -136,8 +136,8 @@ def plan_kick(
     for several times on it; `plan.meeting` is the one of the least `speed_use`, and `plan.meetings`
     has all. A base that moves is in its place at the time of the meeting. Where the goal names no
     other spin, the kick stops the ball's spin as far as friction allows; without it, the spin
-    stays. A leg whose foot moves in a plane is placed at the ball by the plan's `moved` where the
-    ball does not cross this plane, and where it crosses it only in kicks beyond the limits.
+    stays. A leg whose foot moves in a plane is moved to the ball, by the plan's `moved`, if the
+    ball does not cross this plane, or if every kick where it does is beyond the limits.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.

@@ -78,8 +78,8 @@ class KickPlan(ReprMixin):
             under a leg on a fixed base is not known.
         heading: angle by which `leg` is turned to the left about the vertical [rad]; 0 but for a
             leg whose foot moves in a plane, and a goal aside of it.
-        moved: way by which this leg, then, is moved across its plane to a ball beside it, shape
-            `(3,)` [m, world frame]: where its body has to step; else 0.
+        moved: displacement of `leg` across its plane, after the turn by `heading`, to a ball beside
+            it, shape `(3,)` [m, world frame]; 0 but for a leg whose foot moves in a plane.
         balance: distance of the centre of mass inside the edge of the sole, seen from above [m];
             None for a leg on a fixed base.
         motion: from rest through the impact to rest, with `motion=True`; else None.
@@ -161,7 +161,7 @@ class KickPlan(ReprMixin):
         if abs(math.degrees(self.heading)) >= 0.005:
             yield "heading", math.degrees(self.heading), "deg"
         if self.moved.any():
-            yield "leg placed from where it was", self.moved, "m"
+            yield "leg moved by", self.moved, "m"
         leg = self.leg
         for name, (value, unit) in leg.display_values(self.q).items():
             speed = float(self.v[leg.velocity_index(name)])

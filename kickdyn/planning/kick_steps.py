@@ -58,8 +58,8 @@ LONGEST_COURSE = 10.0
 """Time for which each flight, and rolling, of a trapped ball is followed at most [s]."""
 
 MOST_LAUNCHES, SAME_SPIN = 20, 1e-12
-"""Of the search for a launch with the spin that a foot gives it which moves in a plane: number of
-launches, and relative difference of the spin at which it ends."""
+"""Of the search for a launch with the spin that the foot gives it: number of launches, and relative
+difference of the spin at which it ends."""
 
 STRONGEST = LargestShare()
 """The objective of kicks that cannot give the whole change of velocity."""

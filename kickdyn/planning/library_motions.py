@@ -84,7 +84,7 @@ class Kicks:
             place = self.height
         self._like = problem = kick_problem(self.robot, target, place, like=self._like)
         if problem.heading or problem.moved.any():
-            plane = "azimuth must be 0, and y as of its foot"
+            plane = "azimuth must be 0, and the ball's y must be that of its foot"
             raise InvalidInput(f"{self.robot.name} kicks in its plane only: {plane}")
         task = motion_task(problem)
         if self.joints and self.joints != task.leg.joint_names:

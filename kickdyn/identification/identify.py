@@ -10,8 +10,7 @@ of a coordinate, estimated from the residuals: one value, or one of each axis wh
 more than chance explains, as where a camera measures depth less accurately. The last term says that
 a spin is of the order of :math:`\omega_0` = 100 rad/s; it decides only where the measurement does
 not. The covariance of the estimate is :math:`\sigma^2 (J^T J)^{-1}` with the derivatives :math:`J`
-of the residuals,
-increased where neighbouring residuals are correlated.
+of the residuals, increased where neighbouring residuals are correlated.
 """
 
 import math

@@ -71,8 +71,8 @@ class KickPlan(ReprMixin):
         speed_use: largest joint speed over its limit, at the impact or in the `motion`.
         torque_use: largest torque over its limit, likewise. Without a motion, the torque is that
             which keeps the speed of the joints, gravity included. In a motion with
-            `limits="muscles"`, it is 1 less the least distance of a torque from what the muscle has
-            at its speed, over the limit at rest.
+            `limits="muscles"`, it is 1 minus the least distance between a torque and the largest
+            one at its speed, over the limit at rest.
         binding: limits that are reached, such as `torque of knee`.
         ball_is_placed: whether the height of the ball was given. If not, the level of the ground
             under a leg on a fixed base is not known.

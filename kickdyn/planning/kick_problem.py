@@ -243,7 +243,7 @@ def kick_problem(
         variables = like.variables.for_target(target)
         heading, way = _placement(variables, like.foot_directions, ball_position)
         if like.heading or like.moved.any() or heading or way.any():
-            like = None  # from the given place, the leg is placed elsewhere
+            like = None  # the leg of `like` is not where this kick needs it
     like = like or _without_terms(robot, target, ball_position, draw)
     robot, directions, standing = like.robot, like.foot_directions, like.standing
     variables = like.variables.for_target(target)
@@ -428,12 +428,12 @@ def _check_directions(variables: KickVariables, directions: Array) -> None:
     speed = max(float(np.linalg.norm(velocity)) for velocity in (ball, change, *bases))
     if any(_leaves(directions, ball + change - base, speed) for base in bases):
         cause = "its base moves across this plane" if any(map(np.any, bases)) else (
-            "this needs side spin, or takes it away"
+            "the kick has to give the ball side spin, or to take it away"
         )  # fmt: skip
         raise InvalidInput(
             f"{name} cannot give this launch and spin: its foot moves in a plane, and {cause}; "
-            'a foot that moves sideways can (g1, Leg.human(..., model="3d")), or without friction '
-            "(friction=0, --friction 0)"
+            'a foot that moves sideways can (g1, Leg.human(..., model="3d")); a contact without '
+            "friction (friction=0, --friction 0) has no such limit, and leaves the spin as it is"
         )
 
 

@@ -159,11 +159,14 @@ class Collision(AfterApproach):
 
     @cached_property
     def energy_residual(self) -> float:
-        """Energy not accounted for, relative to the kinetic energy of the approach."""
+        """Energy not accounted for, over the kinetic energy of the approach, or the lost if larger.
+
+        Where the foot grazes the ball, gravity and the leg supply more energy than the approach.
+        """
         motion, end = self._motion, self._end
         before = motion.equations.energy(motion.equations.start(), 0.0) + end.work
         after = motion.equations.energy(motion.last, motion.phases[-1, 0]) + end.lost
-        return abs(before - after) / self.approach.energy()
+        return abs(before - after) / max(self.approach.energy(), end.lost)
 
     @property
     def evaluations(self) -> int:
@@ -409,6 +412,8 @@ def _integrated(equations: CompliantContact) -> IntegratedContact:
 def _pressed_by(equations: CompliantContact, force: NormalForce) -> InvalidInput:
     """Return the error of a foot that reaches the centre of the ball."""
     ball, speed = equations.ball, f"at an approach speed of {equations.approach.speed:.4g} m/s"
+    if callable(equations.torque) or equations.torque.any():
+        speed += " and with these joint torques"
     if isinstance(equations, PatchContact):
         patch = equations.patch
         return InvalidInput(

@@ -246,7 +246,7 @@ def _collide(
         collisions, place,
         (after - velocity[chosen] - fallen) / lanes.inverse_mass[exact][:, None], after + base,
         ball[6:9].T, position, q[chosen] + senses * change, senses * speeds, answer[1], answer[2],
-        speed[chosen], ball[9], np.abs(answer[3]) / lanes.energy[exact],
+        speed[chosen], ball[9], np.abs(answer[3]) / np.maximum(lanes.energy[exact], ball[9]),
         np.where(answer[0] == code.PARTED_STICKING, StrikeStatus.STICKS.flag,
                  StrikeStatus.SLIPS.flag),
     )  # fmt: skip

@@ -162,7 +162,7 @@ class KickSettings:
         Where the goal names a spin, it may need more friction than there is.
         """
         base, limited = self.leg.base_velocity, not goal.spin.any()
-        if self.contact.friction == 0.0:
+        if self.contact.friction == 0.0 and limited:
             return before.spin
         task = velocity, goal.spin, self.ball, self.contact, before
         if self.reach.across is not None:
@@ -178,7 +178,7 @@ def launch_for(
     In the air, it keeps the spin along the impulse.
     """
     s = settings
-    if s.contact.friction == 0.0 and before.spin.any():
+    if s.contact.friction == 0.0 and before.spin.any() and not goal.spin.any():
         goal = replace(goal, spin=before.spin)
     if s.surface is not None:
         launch = plan_pass(goal, s.ball, s.air, surface=s.surface)

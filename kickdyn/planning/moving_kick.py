@@ -296,7 +296,11 @@ def plan_interception(incoming: IncomingBall, settings: KickSettings) -> KickPla
             crossing = waits_in_plane(waits, lambda wait: balls.beside(wait) - reach.beside)
         kicks, reasons = balls.kicks(crossing.tolist())
         if not any(kick.point.share == 1.0 for kick in kicks.values()) and crossing is not waits:
-            kicks, reasons = balls.kicks(waits.tolist())  # the leg is placed at the ball
+            placed, others = balls.kicks(waits.tolist())  # the leg is placed at the ball
+            ranks = [min((kick.rank for kick in found.values()), default=(math.inf, math.inf))
+                     for found in (kicks, placed)]  # fmt: skip
+            if not kicks or ranks[1] < ranks[0]:
+                kicks, reasons = placed, others
         if not kicks:
             earliest = next(iter(reasons))
             several = f"at any of {len(waits)} times within reach"

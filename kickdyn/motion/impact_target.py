@@ -214,7 +214,7 @@ def impact_target_for(
         most = spin_change_limit(size, ball, contact)
         if not turn <= most:
             remedy = "; a foot without friction (friction=0, --friction 0) leaves the ball's spin"
-            remedy = remedy if before.spin.any() else ""
+            remedy = remedy if before.spin.any() and contact.friction > 0.0 else ""
             raise InvalidInput(
                 f"spin is {turn:.4g} rad/s: with friction {contact.friction:g} the foot gives this "
                 f"launch at most {most:.4g} rad/s{remedy}"

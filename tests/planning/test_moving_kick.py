@@ -240,6 +240,9 @@ def test_a_kick_leaves_the_spin_that_its_impulse_cannot_change(friction):
     start = kd.BallState(velocity=launch.velocity, spin=kept)
     end = kd.fly(start, BALL, AIR, kd.Ground(-9.0), 1e-12, time_limit=1.0).landing.position
     agrees(end, goal.target, optimized(1e-8))
+    asked = kd.Goal(18, time=1.2, spin=(0, -10, 0))
+    with pytest.raises(kd.InvalidInput, match=r"rad/s: with friction 0 "):
+        kd.plan_kick(HUMAN, asked, BALL, AIR, contact=kd.Contact(friction=0.0), incoming=ROLLING)
 
 
 def test_a_ball_behind_the_hip_by_more_than_its_radius_is_refused():

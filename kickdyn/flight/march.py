@@ -471,6 +471,15 @@ def _allowed(i, h, lane, time_limit):
 
 
 @inlined
+def _moves(i, lane):
+    """Return whether a step moves the ball by more than is tolerated, as `Integration._step_to`."""
+    moves = False
+    for c in range(i, U, LANES):
+        moves |= abs(lane.new[c] - lane.state[c]) > lane.scale[c]
+    return moves
+
+
+@inlined
 def _first_event(i, h, lane, measured, known, apex):
     """Return the first event in a step of a lane, and the fraction of the step after it.
 
@@ -506,10 +515,7 @@ def _end_step(values_of, i, flights, lane, measured, time_limit, known):
     if after > before_end:
         first, before_end = fallen, after
     margin, resolvable = flights.tolerance[row, 4], h > max(100.0 * _EPS * t, 1e-300)
-    moves = False  # as in `Integration._step_to`
-    for c in range(i, U, LANES):
-        moves |= abs(lane.new[c] - lane.state[c]) > lane.scale[c]
-    if again == 1.0 and before_end > margin and moves and resolvable:
+    if again == 1.0 and before_end > margin and resolvable and _moves(i, lane):
         if first != fallen:
             before_end = _correct_fall(values_of, i, first, before_end, h, lane, measured)
         again = (1.0 - before_end) * (1.0 + 0.5 * margin)

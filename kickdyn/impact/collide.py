@@ -421,11 +421,14 @@ def _pressed_by(equations: CompliantContact, force: NormalForce) -> InvalidInput
             f"the strip would press the ball beyond its radius of {ball.radius:g} m; a wider "
             "strip, a smaller offset or a slower foot is within the model"
         )
-    pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m {speed}"
+    pressed = (
+        "which is too low: the ball would be pressed beyond its radius of "
+        f"{ball.radius:g} m {speed}"
+    )
     if not isinstance(force, ForceModel) or force.exponent == LINEAR:
-        return InvalidInput(f"ball pressure is {ball.pressure:g} Pa: {pressed}")
+        return InvalidInput(f"ball pressure is {ball.pressure:g} Pa, {pressed}")
     return InvalidInput(
-        f"stiffness is {force.stiffness:g} N/m^1.5: {pressed}; a shorter contact time makes it "
+        f"stiffness is {force.stiffness:g} N/m^1.5, {pressed}; a shorter contact time makes it "
         "stiffer"
     )
 
@@ -448,8 +451,8 @@ def _expected_time(approach: Approach, model: NormalForce) -> float:
     expected = float(spring_time(*spring, approach.reduced_mass(), speed))
     if expected < SHORTEST_CONTACT * (1.0 - 1e-9):
         raise InvalidInput(
-            f"stiffness is {model.stiffness:.4g} N/m^{model.exponent:g}: too high, the contact "
-            f"would take {expected:.3g} s at an approach speed of {speed:.4g} m/s, less than "
+            f"stiffness is {model.stiffness:.4g} N/m^{model.exponent:g}, which is too high: at an "
+            f"approach speed of {speed:.4g} m/s the contact would take {expected:.3g} s, less than "
             f"{SHORTEST_CONTACT:g} s"
         )
     return expected

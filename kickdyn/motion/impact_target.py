@@ -18,8 +18,9 @@ from kickdyn.robot.leg import Posture
 STICKING = 1e-9
 """Share of the friction that is left unused by a limited spin, so that the foot sticks."""
 
-MOST_TURNS, SAME_SPIN = 50, 1e-14
-"""Of the search for the direction of a foot's plane: steps, and relative change that ends it."""
+MOST_TURNS, SPIN_ROUNDING = 50, 1e-14
+"""Of the search for the direction of a foot's plane: largest number of steps, and the relative
+change of the spin that ends it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +48,8 @@ class ImpactTarget(ReadOnlyArrays):
     @property
     def contact_offset(self) -> tuple[float, float]:
         """Contact point on the ball, from its centre: upwards, and to the left as it flies [m]."""
-        level = np.array([self.impulse[0], self.impulse[1], 0.0])
-        left = np.cross((0.0, 0.0, 1.0), level / (np.linalg.norm(level) or 1.0))
         from_centre = -self.ball.radius * self.contact.normal
-        return float(from_centre[2]), float(from_centre @ left)
+        return float(from_centre[2]), float(from_centre @ _left_of(self.impulse))
 
     @property
     def facing(self) -> Array:
@@ -58,8 +57,7 @@ class ImpactTarget(ReadOnlyArrays):
 
         A leg whose foot moves in a plane is turned so that this is in it.
         """
-        x, y, _ = self.contact.normal.tolist()
-        across = np.array([-y, x, 0.0]) / (math.hypot(x, y) or 1.0)
+        across = _left_of(self.contact.normal)
         return np.asarray(self.impulse - (self.impulse @ across) * across)
 
     def velocity_change(self, posture: Posture) -> Array:
@@ -128,6 +126,17 @@ def spin_change_limit(impulse: float, ball: Ball, contact: Contact) -> float:
     return math.sin(math.atan(contact.friction)) * ball.radius * impulse / ball.inertia
 
 
+def _left_of(vector: Array) -> Array:
+    """Return the horizontal unit vector to the left of a vector; 0 of a vertical one."""
+    x, y, _ = vector.tolist()
+    return np.array([-y, x, 0.0]) / (math.hypot(x, y) or 1.0)
+
+
+def _contact_normal(along: Array, axis: Array, sine: float) -> Array:
+    """Return a direction that is turned about an axis across it, by the sine of the angle."""
+    return np.asarray(math.sqrt(1.0 - sine * sine) * along + sine * np.cross(axis, along))
+
+
 def struck_spin(
     velocity: Array, spin: Array, ball: Ball, contact: Contact, before: BallState, *, limited: bool
 ) -> Array:
@@ -168,25 +177,23 @@ def planar_spin(
     """
     impulse = ball.mass * (velocity - before.velocity)
     lateral_mass = 1.0 / (1.0 / ball.mass + ball.turning)
+    per_impulse = ball.radius / ball.inertia  # spin that an impulse across the normal gives
     most = (1.0 - STICKING) * spin_change_limit(math.hypot(*impulse), ball, contact)
     change, normal = np.zeros(3), impulse / (math.hypot(*impulse) or 1.0)
     for _ in range(MOST_TURNS):
         slides = before.velocity - ball.radius * np.cross(before.spin, normal) - base
-        x, y, _ = (impulse + lateral_mass * slides).tolist()
-        across = np.array([-y, x, 0.0]) / (math.hypot(x, y) or 1.0)
+        across = _left_of(impulse + lateral_mass * slides)
         in_plane = impulse - (impulse @ across) * across
         size = math.hypot(*in_plane) or 1.0
-        arm = ball.radius / ball.inertia
-        beside = arm * float(impulse @ across)
+        beside = per_impulse * float(impulse @ across)
         wished = float((spin - before.spin) @ across)
         if limited:
             room = math.sqrt(max(most * most - beside * beside, 0.0))
             wished = min(max(wished, -room), room)
-        sine = min(max(wished / (arm * size), -1.0), 1.0)
-        along, last = in_plane / size, change
-        normal = math.sqrt(1.0 - sine * sine) * along + sine * np.cross(across, along)
+        sine = min(max(wished / (per_impulse * size), -1.0), 1.0)
+        last, normal = change, _contact_normal(in_plane / size, across, sine)
         change = wished * across + beside * np.cross(across, normal)
-        if math.dist(change, last) <= SAME_SPIN * math.hypot(*change, *before.spin):
+        if math.dist(change, last) <= SPIN_ROUNDING * math.hypot(*change, *before.spin):
             break
     return np.asarray(before.spin + change)
 
@@ -219,5 +226,5 @@ def impact_target_for(
                 f"spin is {turn:.4g} rad/s: with friction {contact.friction:g} the foot gives this "
                 f"launch at most {most:.4g} rad/s{remedy}"
             )
-        normal = math.sqrt(1.0 - sine * sine) * along + sine * np.cross(spin / turn, along)
+        normal = _contact_normal(along, spin / turn, sine)
     return ImpactTarget(impulse, replace(contact.for_ball(ball), normal=normal), ball, before)

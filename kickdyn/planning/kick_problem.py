@@ -415,10 +415,10 @@ def _check_directions(variables: KickVariables, directions: Array) -> None:
         return
     target, name = variables.target, variables.leg.name
     if _leaves(directions, target.contact.normal):
-        launch = (target.impulse / target.ball.mass).round(4).tolist()
+        change = (target.impulse / target.ball.mass).round(4).tolist()
         raise InvalidInput(
-            f"{name} cannot give this launch: its foot moves in a plane, and {launch} m/s is not "
-            "in it"
+            f"{name} cannot give this launch: its foot moves in a plane, and the change of the "
+            f"ball's velocity by {change} m/s is not in it"
         )
     if target.contact.friction == 0.0:
         return
@@ -475,5 +475,5 @@ def _placement(
         foot = turned @ variables.posture(np.zeros(variables.n)).contact_point
         across, gap = turned @ normal, position - target.ball.radius * target.contact.normal - foot
         if abs(float(across @ gap)) > AT_BALL:
-            way = (across @ gap) * across
+            way = (across @ gap) * across + 0.0  # no -0
     return heading, way

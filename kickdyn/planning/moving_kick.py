@@ -297,9 +297,7 @@ def plan_interception(incoming: IncomingBall, settings: KickSettings) -> KickPla
         kicks, reasons = balls.kicks(crossing.tolist())
         if not any(kick.point.share == 1.0 for kick in kicks.values()) and crossing is not waits:
             placed, others = balls.kicks(waits.tolist())  # the leg is placed at the ball
-            ranks = [min((kick.rank for kick in found.values()), default=(math.inf, math.inf))
-                     for found in (kicks, placed)]  # fmt: skip
-            if not kicks or ranks[1] < ranks[0]:
+            if not kicks or (placed and _best_rank(placed) < _best_rank(kicks)):
                 kicks, reasons = placed, others
         if not kicks:
             earliest = next(iter(reasons))
@@ -321,6 +319,10 @@ def plan_interception(incoming: IncomingBall, settings: KickSettings) -> KickPla
     assert plan.meeting is not None
     meetings[planned] = plan.meeting
     return replace(plan, meetings=tuple(meetings[wait] for wait in sorted(meetings)))
+
+
+def _best_rank(kicks: dict[float, SolvedKick]) -> tuple[float, float]:
+    return min(kick.rank for kick in kicks.values())
 
 
 def _plan_of(kick: SolvedKick) -> KickPlan:

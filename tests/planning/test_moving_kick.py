@@ -243,6 +243,8 @@ def test_a_kick_leaves_the_spin_that_its_impulse_cannot_change(friction):
     asked = kd.Goal(18, time=1.2, spin=(0, -10, 0))
     with pytest.raises(kd.InvalidInput, match=r"rad/s: with friction 0 "):
         kd.plan_kick(HUMAN, asked, BALL, AIR, contact=kd.Contact(friction=0.0), incoming=ROLLING)
+    with pytest.raises(kd.InvalidInput, match=r"no launch .* 45 m/s"):  # the search diverges
+        interceptor(kd.IncomingBall(kd.BallState((2, 0, 0), (-45, 0, 0)))).at(0.0)
 
 
 def test_a_ball_behind_the_hip_by_more_than_its_radius_is_refused():

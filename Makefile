@@ -35,7 +35,7 @@ notebooks: $(VENV)/.dev browser
 
 ## test: all that protects users, 2 to 4 minutes on 2 idle cores once everything is installed and compiled
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest -n auto -m "not slow" --processor-limit 4 $(PYTEST_OPTIONS)
+	$(BIN)/python -m pytest -n auto -m "not slow" --processor-limit 20 $(PYTEST_OPTIONS)
 
 ## test-slow: notebooks, the site of the docs, pages in a browser, motions, MuJoCo, clusters, extremes; 5 to 10 minutes on 2 idle cores
 test-slow: $(VENV)/.dev browser

@@ -67,11 +67,8 @@ def pytest_runtest_call(item):
     It still grows where more processes than processors share their caches.
     """
     limit = item.config.getoption("--processor-limit")
-    allowed = item.get_closest_marker("processor_limit")
     if limit is None or item.get_closest_marker("slow"):
         return (yield)
-    limit = allowed.args[0] if allowed else limit
-    limit *= max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
     compiling, begin = Compiling(), processor_time()
     with numba_event.install_listener("numba:compile", compiling):
         outcome = yield

@@ -124,7 +124,6 @@ def test_output_that_cannot_be_written_ends_with_1():
     assert (ended.returncode, ended.stderr) == (1, "kickdyn: No space left on device\n")
 
 
-@pytest.mark.processor_limit(6)
 @pytest.mark.parametrize("only", ["table 2", "fig 8"])
 def test_a_section_of_the_paper_has_the_items_of_the_library(only, kickdyn):
     (section,) = chosen(only)

@@ -11,7 +11,6 @@ import kickdyn as kd
 MAKE = "kick-library one.npz --ball-height -0.7042 --speed 12 --elevation 10"
 
 
-@pytest.mark.processor_limit(20)
 def test_a_library_is_made_and_gives_a_kick(kickdyn, tmp_path):
     assert kickdyn(f"{MAKE} --json -").json["covered"] == 1.0
     kickdyn("kick-library one.npz --kick 12,10 --json kick.json --out kick.csv")

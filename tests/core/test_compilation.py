@@ -43,7 +43,6 @@ def test_damaged_machine_code_is_compiled_again(plus, kind):
     assert [file.stat().st_size for file in files] == sizes
 
 
-@pytest.mark.processor_limit(6)
 def test_machine_code_that_others_could_have_written_is_not_read(plus, tmp_path):
     run, files = plus
     code = f"open({str(tmp_path / 'planted')!r}, 'w')"

@@ -174,7 +174,6 @@ def task():
     return KickTask(stands.robot, stands.leg, target, np.eye(3), *free, free[0], stands)
 
 
-@pytest.mark.processor_limit(6)  # it reads the meshes of a robot
 def test_a_limb_in_the_way_of_a_motion_is_put_aside_and_others_stay(task):
     """A thigh that is lifted beside the trunk hits the hand of the same side."""
     whole, standing = task.leg, task.standing

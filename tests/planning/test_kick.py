@@ -101,7 +101,6 @@ def test_a_pass_is_struck_and_rolls_to_its_target(leg):
     assert plan.landing_error < 1e-3
 
 
-@pytest.mark.processor_limit(10)
 @pytest.mark.parametrize(("speed", "is_reached"), [(18.0, True), (60.0, False)])
 def test_joints_without_a_limit_are_not_faster_than_those_that_have_one(speed, is_reached):
     leg = kd.Leg.human(height=1.8, mass=75, model="3d")
@@ -141,7 +140,6 @@ def strongest_drawn(leg, normal, contact):
     return best
 
 
-@pytest.mark.processor_limit(10)
 @pytest.mark.parametrize("elevation", [34.55, 55.0])
 def test_the_strongest_kick_is_the_same_whatever_speed_is_asked_for(elevation):
     leg, contact = kd.Leg.testbed(), kd.Contact(restitution=0.79, friction=0.0)

@@ -24,7 +24,6 @@ from kickdyn.planning.library_motions import body_arrays
 HEIGHT = -0.7042
 ANGLES = math.radians(10), math.radians(12)
 SETTINGS = {"speed": (12.0, 12.4), "elevation": ANGLES, "height": HEIGHT}
-LIMIT = pytest.mark.processor_limit(20)
 
 
 def make(file: Path, **settings) -> KickLibrary:
@@ -42,7 +41,6 @@ def points(library) -> Array:
     return draw.uniform(library.reader.lower, library.reader.upper, (20, 5))
 
 
-@LIMIT
 def test_any_launch_in_between_is_met_by_strike(library, points):
     assert library.covered == 1.0
     for point in points:
@@ -57,7 +55,6 @@ def test_any_launch_in_between_is_met_by_strike(library, points):
         agrees(kick.motion.v_after, impact.v_after, closed_form(1e6))
 
 
-@LIMIT
 def test_motions_in_between_keep_all_limits(library, points):
     leg = kd.Leg.human()
     for point in points[:5]:
@@ -106,7 +103,6 @@ def test_samples_are_those_of_the_motion(library, points):
     agrees(v, samples.v[inside], closed_form(1e4))
 
 
-@LIMIT
 def test_a_robot_needs_the_file_of_the_reader_and_numpy_only(library, points, tmp_path):
     shutil.copy(kick_reader.__file__, tmp_path / "kick_reader.py")
     code = (
@@ -127,7 +123,6 @@ def test_a_robot_needs_the_file_of_the_reader_and_numpy_only(library, points, tm
     assert loaded == ""
 
 
-@LIMIT
 def test_an_interrupted_library_is_continued(library, tmp_path):
     calls = []
 

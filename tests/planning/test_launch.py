@@ -91,7 +91,6 @@ def test_low_and_high_arc_of_the_vacuum():
     assert low.summary.startswith("2 launches")
 
 
-@pytest.mark.processor_limit(15)
 def test_a_curved_kick_passes_beside_the_wall_within_the_spin_limit():
     goal = kd.Goal((22, 3, 2.2), time=1.1, beside=(9.15, 0.8))
     launch = kd.plan_launch(goal, BALL, AIR)

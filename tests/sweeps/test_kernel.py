@@ -174,7 +174,6 @@ def test_blocks_of_a_grid_are_parts_of_the_whole(monkeypatch):
         assert flags.tolist() == status[first : first + count].tolist()
 
 
-@pytest.mark.processor_limit(10)  # of 750 flights one by one, where machine code is not stored
 def test_interpolation_changes_carries_only_and_within_the_tolerance():
     kick = Kick(speed=14.0)
     axes = {"hip": np.linspace(-0.2, 1.4, 15), "knee": np.linspace(0, 2.2, 25), "ankle": [0, 0.5]}

@@ -110,6 +110,7 @@ class EventValues(NamedTuple):
     parts: Array  # values at both ends of the step and between its parts
     most: Array  # greatest change in a part of the step
     least: Array  # least sum of the values at both ends of a part, one of which is positive
+    known: int  # number of events, the first ones, that need not be read within the steps
 
 
 def march(
@@ -130,12 +131,11 @@ def march(
     lanes, k = np.zeros(1, LANE), size // NUMBERS
     lanes["row"], lanes["fallen"], lanes["after"] = -1, _NO_EVENT, -1.0
     shapes = (2, k), (2, k), (size,), (size,), (k,), (PARTS + 1, k), (k,), (k,)
-    measured = EventValues._make(map(np.zeros, shapes))
-    limits = float(rtol), float(time_limit), known
-    code(reading, rates_of, values_of, flights, lanes, measured, *limits)
+    measured = EventValues._make([*map(np.zeros, shapes), known])
+    code(reading, rates_of, values_of, flights, lanes, measured, float(rtol), float(time_limit))
 
 
-def _march(reading, rates_of, values_of, flights, lanes, measured, rtol, time_limit, known):
+def _march(reading, rates_of, values_of, flights, lanes, measured, rtol, time_limit):
     """Fill in what `march` does: load flights into lanes, step all at once, see where each is."""
     lane = lanes[0]
     _start(rates_of, values_of, flights, lane, measured, rtol, time_limit)
@@ -153,11 +153,11 @@ def _march(reading, rates_of, values_of, flights, lanes, measured, rtol, time_li
         _estimate_error(lane, rtol)
         _measure(values_of, lane, measured, lane.new[:], lane.rates[STAGES], measured.end)
         _take_plain_steps(lane, measured, time_limit, flights.nodes.shape[1] > 8)
-        reading(values_of, lanes, measured, known)
+        reading(values_of, lanes, measured)
         for i in range(LANES):
             row = lane.row[i]
             if row >= 0 and lane.taken[i] == 0.0:
-                status = _end_step(values_of, i, flights, lane, measured, time_limit, known)
+                status = _end_step(values_of, i, flights, lane, measured, time_limit)
                 if status != _FLYING:
                     flights.status[row], flights.evaluations[row] = status, lane.calls[i]
                     lane.row[i], lane.step[i] = -1, 0.0
@@ -480,10 +480,10 @@ def _moves(i, lane):
 
 
 @inlined
-def _first_event(i, h, lane, measured, known, apex):
+def _first_event(i, h, lane, measured, until, apex):
     """Return the first event in a step of a lane, and the fraction of the step after it.
 
-    All but the first `known` ones have been read within the step. Also returned are how much of the
+    Events from number `until` on have been read within the step. Also returned are how much of the
     step is to be taken anew (`fall_in_step`), and whether a function is not a number at its end.
     """
     first, before_end, again, unknown = _NO_EVENT, -1.0, 1.0, False
@@ -492,13 +492,13 @@ def _first_event(i, h, lane, measured, known, apex):
         unknown |= ends[2] != ends[2]
         s, doubt = fall_in_step(ends, event == _CREST)
         again = min(again, doubt)
-        if s > before_end and event < known:
+        if s > before_end and event < until:
             first, before_end = event, s
     return first, before_end, again, unknown
 
 
 @inlined
-def _end_step(values_of, i, flights, lane, measured, time_limit, known):
+def _end_step(values_of, i, flights, lane, measured, time_limit):
     """Reject a step, take it anew with another length, or take it; return the flight's status."""
     t, h, error, row = lane.time[i], lane.step[i], lane.error[i], lane.row[i]
     if lane.calls[i] > MAX_EVALUATIONS:
@@ -510,7 +510,7 @@ def _end_step(values_of, i, flights, lane, measured, time_limit, known):
     events, fallen, after = measured.end.shape[1] // LANES, lane.fallen[i], lane.after[i]
     apex = flights.nodes.shape[1] > 8
     first, before_end, again, unknown = _first_event(
-        i, h, lane, measured, events if fallen == _NO_EVENT else known, apex
+        i, h, lane, measured, events if fallen == _NO_EVENT else measured.known, apex
     )
     if after > before_end:
         first, before_end = fallen, after
@@ -541,8 +541,8 @@ def _end_step(values_of, i, flights, lane, measured, time_limit, known):
     return ALOFT
 
 
-def _read_within(values_of, lanes, measured, known):
-    """Read the functions of all events but the first `known` ones within the steps.
+def _read_within(values_of, lanes, measured):
+    """Read the functions of all events but the first `measured.known` ones within the steps.
 
     They are read between the parts of each step, and more closely if an event is possible.
     """
@@ -568,20 +568,21 @@ def _read_within(values_of, lanes, measured, known):
             least[k] = total if (part == 0) | (total < least[k]) else least[k]
     for i in range(LANES):
         lane.fallen[i], lane.after[i], possible = _NO_EVENT, -1.0, False
-        for k in range(known * LANES + i, len(most), LANES):
+        for k in range(measured.known * LANES + i, len(most), LANES):
             possible |= least[k] <= MOST_CHANGE * most[k]
         if possible and lane.row[i] >= 0 and lane.error[i] < 1.0:
             lane.taken[i] = 0.0
-            lane.fallen[i], lane.after[i] = _read_fall(values_of, i, lane, measured, known)
+            lane.fallen[i], lane.after[i] = _read_fall(values_of, i, lane, measured)
 
 
 @njit
-def _read_fall(values_of, i, lane, measured, known):
+def _read_fall(values_of, i, lane, measured):
     """Return which event falls first within a lane's step, and the fraction of the step after it.
 
     Every lane of `point` has another state of the flight. A row of `sums` has the last values.
     """
-    h, last, events = lane.step[i], lane.sums[0], measured.end.shape[1] // LANES
+    h, last = lane.step[i], lane.sums[0]
+    known, events = measured.known, measured.end.shape[1] // LANES
     speed, late_speed = 0.0, 0.0
     for c in range(U + i, LEFT, LANES):
         speed += lane.state[c] ** 2
@@ -619,8 +620,8 @@ def _read_fall(values_of, i, lane, measured, known):
     return _NO_EVENT, -1.0
 
 
-def _read_nothing(values_of, lanes, measured, known):
-    """Read no events within the steps, if there is none but the first `known` ones."""
+def _read_nothing(values_of, lanes, measured):
+    """Read no events within the steps, if there is none but the first `measured.known` ones."""
 
 
 for _function in (_march, _read_within, _read_nothing):
@@ -630,9 +631,9 @@ _equations: Any = numba.types.FunctionType(SIGNATURE)
 _lanes: Any = _typeof(np.zeros(1, LANE))
 _vector, _matrix = numba.float64[::1], numba.float64[:, ::1]
 _measured = _named_tuple(
-    [_matrix, _matrix, *(_vector,) * 3, _matrix, _vector, _vector], EventValues
+    [_matrix, _matrix, *(_vector,) * 3, _matrix, _vector, _vector, numba.int64], EventValues
 )
-_reading = numba.void(_equations, _lanes, _measured, numba.int64)
+_reading = numba.void(_equations, _lanes, _measured)
 
 
 def source() -> Source:
@@ -640,7 +641,7 @@ def source() -> Source:
     flights = _named_tuple([*(_matrix,) * 6, numba.int8[::1], numba.int64[::1]], Flights)
     number, reading = numba.float64, numba.types.FunctionType(_reading)
     signature = numba.void(
-        reading, _equations, _equations, flights, _lanes, _measured, number, number, numba.int64
+        reading, _equations, _equations, flights, _lanes, _measured, number, number
     )
     return Source(_march, signature, _OPTIONS)
 

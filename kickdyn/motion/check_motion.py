@@ -122,13 +122,13 @@ class MotionCheck(ReprMixin):
 
     @styled()
     def plot(self) -> Any:
-        """Return a figure of matplotlib: ball, its launch and its place, and margins over time."""
+        """Return a figure of matplotlib over time: ball, its place, margins of broken limits."""
         from matplotlib.figure import Figure
 
         table = self.launches
         time, worst = table.time.values, sorted(self.broken, key=lambda limit: -limit.frames)
         figure = Figure(figsize=(9.0, 9.0))
-        rows = figure.subplots(4, 1, sharex=True)
+        rows = figure.subplots(4 if worst else 3, 1, sharex=True)
         for axes, label, values in (
             (rows[0], "ball speed [m/s]", table.ball_speed.values[:, None]),
             (rows[1], "elevation [deg]", np.degrees(table.elevation.values)[:, None]),
@@ -140,9 +140,10 @@ class MotionCheck(ReprMixin):
         for limit in worst[:DRAWN_LIMITS]:
             name = limit.name if limit.unit == "1" else f"{limit.name} [{limit.unit}]"
             rows[3].plot(time, self.margins[name], label=name.replace("$", r"\$"))
-        rows[3].set(ylabel="margin", xlabel="time [s]")
         if worst:
+            rows[3].set_ylabel("margin")
             rows[3].legend()
+        rows[-1].set_xlabel("time [s]")
         for axes in rows if self.best is not None else ():
             axes.axvline(time[self.best], color="0.6", linewidth=1, linestyle=":")
         figure.suptitle((self.motion.leg.name or "leg").replace("$", r"\$"))

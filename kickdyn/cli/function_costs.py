@@ -305,8 +305,9 @@ def cost_figure(rows: Sequence[FunctionCost]) -> Figure:
                 fillstyle="none" if row.is_batch else "full",
             )  # fmt: skip
             axes.annotate(
-                row.function, (row.seconds, error), (4, 4), fontsize=8,
-                textcoords="offset points", color="black" if row.function in front else "gray",
+                row.function, (row.seconds, error), (4, 4 if row.function in front else -10),
+                fontsize=8, textcoords="offset points",
+                color="black" if row.function in front else "gray",
             )  # fmt: skip
         axes.set(title=title, xlabel="time per answer [s]", ylabel="relative error")
         axes.margins(0.2)

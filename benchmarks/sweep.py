@@ -30,7 +30,7 @@ from scipy.linalg import lapack
 
 import kickdyn as kd
 from kickdyn.core.validation import Array
-from kickdyn.sweeps.chunk_solver import ChunkSolver, launches
+from kickdyn.sweeps.chunk_solver import BLOCK, ChunkSolver, launches
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel import DOUBT, MOBILITY, WORST, Kernel, KernelModel
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE
@@ -146,6 +146,12 @@ def arm() -> kd.Leg:
     return kd.Leg.from_model(model, "toe")
 
 
+def in_blocks(kernel: Kernel, *, joint_impulses: bool) -> None:
+    """Compute `MANY` postures, as many at a time as a sweep does."""
+    for first in range(0, MANY, BLOCK):
+        kernel(first, min(BLOCK, MANY - first), joint_impulses=joint_impulses)
+
+
 def compare(name: str, leg: kd.Leg, target: float, program: Path | None) -> str:
     """Return a row of the table."""
     model = KernelModel.of(leg, KICK)
@@ -162,8 +168,8 @@ def compare(name: str, leg: kd.Leg, target: float, program: Path | None) -> str:
     gaps = [answers[MOBILITY] / loop()[:, 0] - 1.0]
     runs = [
         timed(loop, FEW),
-        timed(lambda: kernel(0, MANY, joint_impulses=False), MANY),
-        timed(lambda: kernel(0, MANY), MANY),
+        timed(lambda: in_blocks(kernel, joint_impulses=False), MANY),
+        timed(lambda: in_blocks(kernel, joint_impulses=True), MANY),
     ]
     if program is not None:
         cpp, read = cpp_loop(program, leg, postures)

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
 from kickdyn.core import validation
@@ -156,6 +155,8 @@ def _derivatives(
     frames: Array, pieces: list[slice], window: int, rate: float, floats: bool
 ) -> tuple[Array, Array, Array]:
     """Return smoothed frames, v and a, of base (position, quaternion) and joints in columns."""
+    from scipy.signal import savgol_filter  # takes half a second
+
     orders = np.zeros((3, *frames.shape))
     for piece in pieces:
         fit = partial(savgol_filter, frames[piece], window, DEGREE, delta=1.0 / rate, axis=0)
@@ -267,6 +268,8 @@ def ground_forces(motion: RecordedMotion, robot: Leg, feet: tuple[Support, ...])
 
 def _stands(soles: Sequence[Array], motion: RecordedMotion) -> NDArray[np.bool_]:
     """Return whether the feet of soles stand, shape `(k, feet)`."""
+    from scipy.signal import savgol_filter
+
     if not soles:
         return np.zeros((len(motion.t), 0), bool)
     heights = np.array([sole[:, :, 2].min(axis=1) for sole in soles]).T

@@ -11,10 +11,12 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.kick_task import KickTask, check_limits, check_sole
 from kickdyn.motion.motion import Motion
+from kickdyn.motion.motion_file import file_joints, positions_of
 from kickdyn.motion.motion_problem import MotionProblem
 from kickdyn.motion.motion_program import MotionSolution, MotionSplines
+from kickdyn.motion.motion_record import RecordedMotion
 from kickdyn.motion.separation import Conditions, Surroundings, with_former
-from kickdyn.motion.verdict import POINTS, Nearness, Verdict, best_of
+from kickdyn.motion.verdict import FINER, POINTS, Nearness, Verdict, best_of
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import kicking_chain, rest_configuration
 
@@ -158,7 +160,7 @@ class _Work:
         return count if count >= LEAST_ITERATIONS else 0
 
 
-def plan_motion(task: KickTask, near: Motion | None = None) -> Verdict:
+def plan_motion(task: KickTask, near: Motion | RecordedMotion | None = None) -> Verdict:
     """Return the verdict on the best motion of a kick, from rest to rest.
 
     The joints between the feet of a standing robot are tried first, which takes a fraction of the
@@ -173,6 +175,8 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> Verdict:
     if task.standing is not None:
         check_sole(task.standing)
     work = _Work(MOST_WORK)
+    if isinstance(near, RecordedMotion):
+        near = fitted_motion(near, task)
     angles = {} if near is None else near.aside
     legs = task
     if task.standing is not None:
@@ -194,6 +198,28 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> Verdict:
     if work.iterations(task.leg.nv):
         others.append(_plan(task, None, 1, work))
     return max(others, key=lambda motion: motion.rank)
+
+
+def fitted_motion(recorded: RecordedMotion, task: KickTask) -> Motion:
+    """Return the splines that are nearest to a recorded motion in the sense of least squares.
+
+    The joints between the feet of a standing robot move, or all joints of a leg. Before and after
+    the recording, the robot is at rest.
+    """
+    assert recorded.contact is not None
+    names, positions = file_joints(recorded.leg), positions_of(recorded.leg, recorded.q)
+    times, leg = recorded.t - recorded.contact, task.leg
+    stands = task.standing is not None
+    joints = kicking_chain(leg).leg.joint_names if stands else leg.joint_names
+    splines = MotionSplines(*DURATIONS[stands], INTERVALS[stands])
+    sampled = splines.times(*(FINER * count for count in POINTS))
+    values = np.column_stack([
+        np.interp(np.concatenate(sampled), times, positions[:, names.index(name)])
+        for name in joints
+    ])  # fmt: skip
+    coefficients = np.linalg.lstsq(splines.values(sampled, 0), values, rcond=None)[0]
+    before, after = splines.motion(np.asarray(coefficients))
+    return Motion(task.robot, joints, before, after)
 
 
 def continue_motion(task: KickTask, start: MotionSolution, near: Array | None = None) -> Verdict:
@@ -232,7 +258,7 @@ def _plan(
     former = None if near is None else near.solution
     limited = () if former is None else [name for name in former.limited if name in task.resting]
     problem, verdicts = motion_problem(task, limited), list[Verdict]()
-    idle = [] if whole is None or near is not None else idle_limbs(whole, task.leg)
+    idle = [] if whole is None or former is not None else idle_limbs(whole, task.leg)
     for posture, start in islice(_starts(problem, near, share), max(starts, 2 if near else 1)):
         search = _Search(problem, posture, work, partly=starts > 0)
         if start.multipliers is not None:
@@ -240,7 +266,7 @@ def _plan(
         else:
             bodies = [] if whole is None else frames_of(whole, [n for limb in idle for n in limb])
             solution = search.first(start, near is not None, bodies)
-            if whole is not None and near is None and solution.share > HOPE:
+            if whole is not None and former is None and solution.share > HOPE:
                 search.put_aside(solution, whole, idle)
             verdicts.append(search.refine(solution))
         if verdicts[-1].keeps_limits or not work.iterations(problem.n):

@@ -20,6 +20,7 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.motion import Motion
+from kickdyn.motion.motion_record import RecordedMotion
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.interception import IncomingBall
 from kickdyn.planning.kick_limits import Balance, KickMuscleTorqueLimit
@@ -69,7 +70,7 @@ def plan_kick(
     incoming: BallState | IncomingBall | None = None,
     limits: bool | str = True,
     surface: str | Surface | None = None,
-    motion: bool | str = False,
+    motion: bool | str | Motion | RecordedMotion = False,
 ) -> KickPlan:
     r"""Find posture and joint velocity that strike a ball at rest so that it meets a goal.
 
@@ -113,7 +114,9 @@ def plan_kick(
             `plan_pass`; the goal is then a time and a target at the height of the ball.
         motion: whether to plan the whole motion: from rest to the impact, and to rest again. It
             needs torque limits of all joints that move, and `pip install "kickdyn[motion]"`. With
-            `"both-feet"`, a standing robot starts and ends at rest on both feet.
+            `"both-feet"`, a standing robot starts and ends at rest on both feet. A motion of the
+            same robot, planned or read by `read_motion` with its time of the impact, is where the
+            search starts, and the only start.
 
     A robot that stands on one foot kicks a ball that lies on the same ground, the plane z = 0. The
     foot lies on it as it does while all joints are at 0 and the base is upright; without a `sole`
@@ -154,9 +157,14 @@ def plan_kick(
         ('met', 19.6)
     """
     leg = checked_leg(leg)
-    if motion not in (True, False, BOTH_FEET):
+    near = motion if isinstance(motion, Motion | RecordedMotion) else None
+    if near is not None:
+        _check_start(near, leg)
+    elif motion not in (True, False, BOTH_FEET):
         shown = validation.brief(motion)
-        raise InvalidInput(f"motion is {shown}: it must be True, False or {BOTH_FEET!r}")
+        raise InvalidInput(
+            f"motion is {shown}: it must be True, False, {BOTH_FEET!r} or a motion to start from"
+        )
     named = checked_objective(objective, limits=limits, motion=bool(motion))
     contact, position = checked_contact(contact), _checked_ball_position(ball_position)
     settings = KickSettings(leg, goal, ball, air, contact, named, limits, surface)
@@ -167,7 +175,7 @@ def plan_kick(
         check_has_drives(leg)
     if incoming is not None:
         if motion or ball_position is not None:
-            other = f"motion={motion!r}" if motion else "ball_position"
+            other = "motion" if motion else "ball_position"
             raise InvalidInput(f"incoming and {other} exclude each other: give one of them")
         moving_ball = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
         return plan_interception(moving_ball, settings)
@@ -177,7 +185,8 @@ def plan_kick(
         problem = task.problem()
         if not motion:
             return task.kick(*solve_kick(problem, OBJECTIVES[named])).plan()
-        chosen = _plan_motion(problem, both_feet=motion == BOTH_FEET)
+        both_feet = near.shift is not None if isinstance(near, Motion) else motion == BOTH_FEET
+        chosen = _plan_motion(problem, near, both_feet=both_feet)
         return task.plan(problem, chosen, task.strike(chosen))
 
 
@@ -253,7 +262,21 @@ def _path_like(plan: KickPlan, impact: Impact) -> Flight | Course:
     return path_to_target(impact, plan.aim, flight.air, surface)
 
 
-def _plan_motion(problem: KickProblem, near: Motion | None = None, *, both_feet: bool) -> Chosen:
+def _check_start(motion: Motion | RecordedMotion, leg: Leg) -> None:
+    """Raise `InvalidInput` unless a motion has the joints of a leg, and a time of its impact."""
+    mover = motion.robot if isinstance(motion, Motion) else motion.leg
+    if mover.joint_names != leg.joint_names:
+        raise InvalidInput(
+            f"motion has the joints {', '.join(mover.joint_names)}: one that a motion of "
+            f"{leg.name} starts from has {', '.join(leg.joint_names)}"
+        )
+    if isinstance(motion, RecordedMotion) and motion.contact is None:
+        raise InvalidInput("motion has no impact: read it with its time, read_motion(contact=)")
+
+
+def _plan_motion(
+    problem: KickProblem, near: Motion | RecordedMotion | None = None, *, both_feet: bool
+) -> Chosen:
     """Return the state at the impact that a motion from rest to rest contains."""
     validation.check_installed("casadi", "motion", "motions")
     from kickdyn.motion.limits import SpeedLimit, TorqueLimit  # these import CasADi

@@ -126,13 +126,6 @@ def test_the_root_of_an_mjcf_may_be_turned(axis, yaw, written, tmp_path):
         assert ahead > leg.posture(leg.configuration()).contact_point[0] + 0.05
 
 
-def test_a_leg_that_is_turned_in_its_file_faces_another_axis_if_it_is_one(written):
-    root = kd.Leg.testbed().model.frames[1].name
-    seen = rows(written("leg.urdf", turned("leg_testbed.urdf", root, 90)))
-    assert seen["faces"][0] == "y"
-    assert seen["note"][0].startswith("if this is a leg, it faces y")
-
-
 def test_missing_meshes_are_one_problem_whose_remedy_works(kickdyn, written, tmp_path):
     text = (ROOT / "urdf" / "leg_human.urdf").read_text("utf-8")
     written("leg.urdf", text.replace('filename="meshes/', 'filename="package://urdf/meshes/'))
@@ -159,17 +152,6 @@ def test_mimic_joints_and_legs_without_a_foot_to_stand_on_say_so(written):
     assert any(
         "--lock right_hip_pitch=" in value for name, value, _ in found.rows if name == "note"
     )
-
-
-def test_joints_that_follow_a_polynomial_have_all_its_terms(tmp_path):
-    tie = '<joint joint1="knee" joint2="hip" polycoef="0.1 -1 0.3 -0.2 0.05"/>'
-    shape = 'axis="0 1 0"/><geom size="0.1"/>'
-    foot = f'<body name="foot" pos="0 0 -1"><joint name="knee" {shape}</body>'
-    limb = f'<body name="thigh"><joint name="hip" {shape}{foot}</body>'
-    file = tmp_path / "leg.xml"
-    file.write_text(f"<mujoco><worldbody>{limb}</worldbody><equality>{tie}</equality></mujoco>")
-    text = rows(file)["joint knee"][0]
-    assert "0.1 - 1.0 x + 0.3 x**2 - 0.2 x**3 + 0.05 x**4 in SI units, with x of hip" in text
 
 
 ANKLE = 'lower="-0.3490658503988659" upper="0.8726646259971648"'

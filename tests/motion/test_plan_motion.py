@@ -19,6 +19,7 @@ from kickdyn.motion import plan_motion
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.kick_task import KickTask
 from kickdyn.motion.motion import Motion
+from kickdyn.motion.motion_record import as_recorded
 from kickdyn.motion.plan_motion import ASIDE, frames_of, idle_limbs, limbs_aside
 from kickdyn.motion.separation import Surroundings
 from kickdyn.motion.verdict import shift_weight
@@ -154,15 +155,39 @@ def test_joints_at_rest_give_way_in_the_impact_and_return_within_their_limits():
             assert margin == pytest.approx(1.0 - use[column - 6], abs=closed_form(1e4))
 
 
-@pytest.mark.slow
-def test_a_motion_is_planned_again_for_a_launch_nearby():
+def test_a_motion_is_planned_from_one_nearby_that_was_planned_or_recorded(tmp_path):
     plan = swinging()
     wished = 1.005 * plan.impact.ball_after.velocity + (0.0, 0.0, 0.05)
-    again = kick.replan_motion(plan, wished)
-    agrees(again.impact.ball_after.velocity, wished, optimized(1e-10))
-    assert again.motion.v_after == pytest.approx(again.impact.v_after, abs=optimized(1e-7))
-    assert np.abs(again.q - plan.q).max() < 0.2
-    check_limits(again)
+    found = [kick.replan_motion(plan, wished)]
+    agrees(found[0].impact.ball_after.velocity, wished, optimized(1e-10))
+    plan.motion.save(tmp_path / "kick.csv", rate=400)
+    recorded = {"rate": 400, "contact": -plan.motion.begin}
+    for start in (plan.motion, kd.read_motion(tmp_path / "kick.csv", HUMAN, **recorded)):
+        found.append(kd.plan_kick(HUMAN, kd.Goal(20.2, time=1.21), BALL, AIR, motion=start))
+        check_impact(found[-1])
+    for again in found:
+        assert again.status == "met"
+        assert again.motion.v_after == pytest.approx(again.impact.v_after, abs=optimized(1e-7))
+        assert np.abs(again.q - plan.q).max() < 0.2
+        check_limits(again)
+
+
+def test_the_splines_of_a_recorded_motion_are_those_it_was_sampled_from(task):
+    motion, rate = swinging().motion, 500.0
+    fitted = plan_motion.fitted_motion(as_recorded(motion), replace(task, leg=HUMAN, standing=None))
+    for side in ("before", "after"):
+        spline, other = getattr(motion, side), getattr(fitted, side)
+        times = np.linspace(*spline.t[[0, -1]], 200)
+        gap = np.abs(spline(times, 2)).max() / (8.0 * rate**2)  # of lines through the samples
+        assert np.abs(other(times) - spline(times)).max() < 2.0 * gap
+
+
+def test_a_motion_that_a_plan_cannot_start_from_is_refused():
+    motion, other = as_recorded(swinging().motion), kd.Leg.human(height=1.8, mass=75, model="3d")
+    for change, named in (({"leg": other}, "hip_adduction.*has hip, knee, ankle"),
+                          ({"contact": None}, "no impact.*contact=")):  # fmt: skip
+        with pytest.raises(kd.InvalidInput, match=named):
+            kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, motion=replace(motion, **change))
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,6 @@ place.
 
 import math
 from collections.abc import Iterable
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
@@ -488,7 +487,7 @@ class ContactKernel:
         turns = leg.base_velocity is not None and bool(leg.base_velocity[3:].any())
         if leg.nq != leg.nv or leg.compliant_drives or turns:
             return None
-        geometry = _geometry(leg)
+        geometry = tree_kernel.tree_in_world_axes(leg)
         return None if geometry is None else cls(leg, geometry, torque)
 
     def run(self, code: Any, lanes: Any, table: Iterable[Array], tol: float, steps: Array) -> Array:
@@ -569,10 +568,3 @@ class ContactKernel:
             contact_terms(joints, foot, torque, lanes, columns, memory)
         sound = (state.doubt == 0.0) & (np.abs(angles).max(axis=0) < LARGEST_ANGLE)
         return state.delassus[tree_kernel.D33].copy(), inertia[0, 1:], sound
-
-
-@lru_cache(maxsize=8)
-def _geometry(leg: Leg) -> tuple[Any, ...] | None:
-    """Return constants, frames and senses of the joints of a leg; None for other joints."""
-    joints = tree_kernel.hinges_and_slides(leg)
-    return None if joints is None else tree_kernel.joint_tree(leg, joints, np.eye(3))

@@ -261,7 +261,7 @@ def _strike(tree, frames, task, senses, given, motion, memory, answer):  # type:
     `given` has the rows that the names above say, of one batch where all strikes share them. Joint
     angles and velocities, and answers with their flags, have a row for each strike. `memory` is
     what it works in: the bodies, the matrix of inertia, a `STATE`, and a batch of joint angles,
-    velocities, columns of the answer and the flag.
+    velocities, columns of the answer and the flag. Rows that part are nan.
     """
     (q, v), (answer, flags) = motion, answer
     bodies, inertia, state, floats_of = memory
@@ -278,10 +278,10 @@ def _strike(tree, frames, task, senses, given, motion, memory, answer):  # type:
                 floats_of[nv + k, i] = senses[k + 1] * v[row, k]
         strike_batch(tree, frames, senses, task, given, given_floats, g, batch)
         for i in range(min(BATCH, count - BATCH * c)):
-            flags[BATCH * c + i] = np.int8(floats_of[2 * nv + width, i])
-            row, column = answer[BATCH * c + i], floats_of[2 * nv :, i]
+            flag, row, column = np.int8(floats_of[2 * nv + width, i]), BATCH * c + i, 2 * nv
+            flags[row] = flag
             for r in range(width):
-                row[r] = column[r]
+                answer[row, r] = math.nan if flag == PARTING else floats_of[column + r, i]
 
 
 named(_strike, "strike", lanes_module, newton_law, tree_kernel)

@@ -23,7 +23,7 @@ from kickdyn.impact.strike import strike
 from kickdyn.restitution import restitution_at
 from kickdyn.robot.joint_table import DEGREES, look_like_degrees
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.tree_kernel import BODY, STATE, hinges_and_slides, joint_tree
+from kickdyn.robot.tree_kernel import BODY, STATE, tree_in_world_axes
 
 
 def rows_of(
@@ -315,11 +315,11 @@ class Strikes:
         self.velocity, self.spin = velocity, spin
         movable = all(ball.mass < math.inf for ball in balls) and leg.nq == leg.nv
         movable = movable and leg.base_velocity is None and len(velocity) > 0
-        joints = hinges_and_slides(leg) if movable else None
-        self._at_once = joints is not None
-        if joints is None:
+        geometry = tree_in_world_axes(leg) if movable else None
+        self._at_once = geometry is not None
+        if geometry is None:
             return
-        tree, frames, senses = joint_tree(leg, joints, np.eye(3))
+        tree, frames, senses = geometry
         task = np.zeros(1, kernel.TASK)
         task["foot"] = leg.contact_joint
         self._tree = tree, np.ascontiguousarray(frames), task, np.ascontiguousarray(senses)
@@ -388,9 +388,8 @@ class Strikes:
             restitution = self._table[kernel.RESTITUTION].reshape(-1)
             for i, speed in enumerate(answer[:, rows.APPROACH].tolist()):
                 contact = self.contacts[i % len(self.contacts)]
-                restitution[i] = restitution_at(contact.restitution, max(speed, 0.0))
+                restitution[i] = restitution_at(contact.restitution, max(0.0, speed))  # or nan
             answer, flags = run(q, v)
-        answer[flags == rows.PARTING] = np.nan
         (n, nv), end = q.shape, rows.FIRST + self.leg.nv
         fields: list[Any] = [
             answer[:, k : k + 3]
@@ -427,7 +426,9 @@ class Strikes:
         leg = namespaces(tree), frames, senses, *namespaces(task)
         with np.errstate(all="ignore"):  # of strikes that are computed anew
             kernel.strike_batch(*leg, inputs, inputs, 0, memory)
-        return row_of[2 * nv : -1].T.copy(), row_of[-1].astype(np.int8)
+        answer, flags = row_of[2 * nv : -1].T.copy(), row_of[-1].astype(np.int8)
+        answer[flags == kernel.PARTING] = np.nan
+        return answer, flags
 
 
 def failed_rows(kind: Callable[..., Rows], n: int, *shapes: tuple[int, ...]) -> Rows:

@@ -9,6 +9,7 @@ Machine code has no fused multiply-adds: which of them the compiler finds depend
 inlines, and a resumed sweep must have the same bits as one that ran at once.
 """
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -158,6 +159,13 @@ def joint_tree(
         second = inertia.matrix()[3:, 3:]
         joint["inertia"] = (frame.T @ second @ frame)[np.triu_indices(3)]
     return tree, frames, senses
+
+
+@lru_cache(maxsize=8)
+def tree_in_world_axes(leg: Leg) -> tuple[NDArray[Any], list[Array], Array] | None:
+    """Return the `joint_tree` of a leg on the axes of the world; None as `hinges_and_slides`."""
+    joints = hinges_and_slides(leg)
+    return None if joints is None else joint_tree(leg, joints, np.eye(3))
 
 
 @inlined

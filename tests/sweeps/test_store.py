@@ -100,7 +100,8 @@ def test_xarray_opens_stores_finished_or_not_without_a_warning(tmp_path, small):
             warnings.simplefilter("error")
             plain = xr.open_zarr(path, chunks="auto")
             done = plain.status.values != -1
-        assert (done.all(), done.any(), plain.attrs["finished"]) == (finished, True, finished)
+        assert plain.attrs["finished"] == finished  # the last chunk may be done before the stop
+        assert done.all() if finished else done.any()
         assert (plain.status.dtype, plain.carry.dtype, plain.knee.dtype) == ("i1", "f4", "f8")
         np.testing.assert_array_equal(np.isnan(plain.carry.values), ~done)
         right = as_stored(small).carry.values[done]

@@ -517,7 +517,7 @@ class MotionProblem:
         """Return the rows of the conditions of two joints."""
         times, splines, n = conditions.times, self.splines, self.n
         maps = splines.values([times[times <= 0.0], times[times > 0.0]], 0)
-        if conditions.joints[1] < 0:
+        if conditions.is_of_ball:
             at_impact = np.tile(splines.at_impact()[0], (len(maps), 1))
             maps = np.stack([maps, at_impact], axis=1).reshape(2 * len(maps), -1)
         rows = self._rows_apart(conditions.joints)

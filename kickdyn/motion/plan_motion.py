@@ -367,8 +367,8 @@ class _Search:
                 break
             nearest = verdict if verdict.broken <= nearest.broken else nearest
             far, times = verdict.broken > FAR, verdict.add_points(solution.times)
-            duals = solution.multipliers if solution.feasible else None
-            former = [] if duals is None else duals.apart
+            former = [] if solution.multipliers is None else solution.multipliers.apart
+            former = [each for each in former if solution.feasible or each.is_of_ball]
             apart = with_former(verdict.nearness.conditions(times), former)
             reaches_all = (full and not far) or solution.share > WHOLE
             shares = (1.0, 1.0) if reaches_all else (0.0, 1.0)

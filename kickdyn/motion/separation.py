@@ -30,6 +30,9 @@ little about another."""
 RESERVE, BALL_RESERVE = 2e-3, -2.5e-3
 """Distance that bodies keep from each other and from the ball, which the foot touches [m]."""
 
+SAME_POINT = 1e-3
+"""Distance up to which points of a body are the same [m]."""
+
 ALLOWED = TOUCHING - 5e-4
 """Depth up to which bodies count as touching on the grid of times on which they are checked [m]."""
 
@@ -50,6 +53,11 @@ class Conditions(NamedTuple):
     # one's, shape `(9, k)` [m]; for the ball, only the first three count
     parameters: Array
     multipliers: Array = np.zeros(0)  # of a solution that kept them, shape `(k,)`
+
+    @property
+    def is_of_ball(self) -> bool:
+        """Whether the second body is the ball."""
+        return self.joints[1] < 0
 
 
 class Surroundings:
@@ -164,12 +172,19 @@ def multipliers_nearby(new: Conditions, former: Conditions | None) -> Array:
 def with_former(new: Sequence[Conditions], former: Sequence[Conditions]) -> list[Conditions]:
     """Return conditions with those former ones for whose joints there are none at that time.
 
-    A solution that kept these would otherwise return to where bodies are inside each other.
+    A solution that kept these would otherwise return to where bodies are inside each other. Former
+    points that must be out of the ball stay beside new ones: else a foot with corners turns from
+    one corner to the other.
     """
     merged = {conditions.joints: conditions for conditions in new}
-    for joints, times, parameters, _ in former:
+    for each in former:
+        joints, times, parameters, _ = each
         latest = merged.get(joints, Conditions(joints, np.zeros(0), np.zeros((9, 0))))
-        remaining = ~np.isin(times.round(12), latest.times.round(12))
+        known = np.abs(times[:, None] - latest.times) < 1e-12
+        if each.is_of_ball:  # a point of a body must be out of it wherever the body is
+            apart = parameters[:3, :, None] - latest.parameters[:3, None]
+            known &= np.linalg.norm(apart, axis=0) < SAME_POINT
+        remaining = ~known.any(axis=1)
         every = np.concatenate([latest.times, times[remaining]])
         order = np.argsort(every, kind="stable")
         stacked = np.hstack([latest.parameters, parameters[:, remaining]])

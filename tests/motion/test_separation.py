@@ -6,7 +6,7 @@ import pytest
 from tolerances import agrees, closed_form
 
 import kickdyn as kd
-from kickdyn.motion.separation import WITHIN, Surroundings
+from kickdyn.motion.separation import WITHIN, Conditions, Surroundings, with_former
 
 LEG = kd.Leg.human()
 Q = np.radians([40.0, 30.0, -20.0])
@@ -75,3 +75,14 @@ def test_nearest_points_of_two_spheres_are_in_the_axes_of_their_joints(tmp_path)
     right = [centre + 0.05 * of_first, of_first, centre - 0.04 * of_second]
     assert found.joints == (2, 3)
     agrees(found.parameters.ravel(), np.ravel(right), closed_form(1e4))
+
+
+@pytest.mark.parametrize("second", [-1, 2])
+def test_points_of_former_conditions_stay_out_of_the_ball_beside_new_ones(second):
+    """Conditions of two bodies hold near their configuration only: new ones replace these."""
+    column = np.zeros((9, 1))
+    former = Conditions((1, second), np.array([0.0, 0.1]), np.hstack([column, column]))
+    new = Conditions((1, second), np.zeros(1), column + 0.05)
+    (both,) = with_former([new], [former])
+    assert both.times.tolist() == ([0.0, 0.0, 0.1] if second < 0 else [0.0, 0.1])
+    assert with_former([new], [new])[0].times.tolist() == [0.0]

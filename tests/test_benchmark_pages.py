@@ -64,29 +64,19 @@ def test_an_inflated_ball_on_a_foot_that_moves_by_integration_over_time(mass):
     ball, pressure, speed = inflated_ball.INFLATED, 80e3, 17.0
     m, radius = ball.mass, ball.radius
 
-    def push(u):
-        return pressure * math.pi * radius**2 * u * (2 - u)
-
-    def closing(_, y):  # u, speed of approach
+    def rates(_, y):  # deflection over radius, speed of approach, below 0 in the rebound
         u, w = y
-        taken = (push(u) + m * w * w / (2 * radius)) / (mass + 0.5 * m * u)
-        return w / radius, -push(u) / (m * (1 - 0.5 * u)) - taken
-
-    def opening(_, y):  # u, speed of separation
-        u, w = y
-        pulled = (push(u) - m * w * w / (2 * radius)) / (m * (1 - 0.5 * u))
-        return -w / radius, pulled + push(u) / (mass + 0.5 * m * u)
-
-    def at_rest(_, y):
-        return y[1]
+        push, stopped = pressure * math.pi * radius**2 * u * (2 - u), m * w * w / (2 * radius)
+        shell, foot = m * (1 - 0.5 * u), mass + 0.5 * m * u
+        return w / radius, -push / shell - push / foot + (
+            -stopped / foot if w > 0 else stopped / shell
+        )
 
     def apart(_, y):
         return y[0]
 
-    at_rest.terminal = apart.terminal = True
-    at_rest.direction = apart.direction = -1
+    apart.terminal, apart.direction = True, -1
     tol = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
-    end = solve_ivp(closing, (0, 0.1), (0, speed), events=at_rest, **tol).y[:, -1]
-    after = solve_ivp(opening, (0, 0.1), (end[0], 0.0), events=apart, **tol).y[1, -1]
+    after = -solve_ivp(rates, (0, 0.1), (0, speed), events=apart, **tol).y[1, -1]
     ratio = inflated_ball.ratio_of_foot(mass, speed)
     assert ratio == pytest.approx(after / speed, rel=integrated(1e-10))

@@ -68,7 +68,8 @@ class MujocoRun(ReprMixin):
         t: times, shape `(k,)` [s, planned impact at 0].
         q: configurations of the robot, shape `(k, nq)`, in its own coordinates.
         torque: of the joints, shape `(k, nv)` [N m; N].
-        ball_position: centre of the ball, shape `(k, 3)` [m, world frame].
+        ball_position: centre of the ball, shape `(k, 3)` [m, world frame]; after `ball_after` the
+            ball falls without air and ground there, and `path` is its motion with them.
         ball_after: the ball when it has left the foot for the last time; at rest where the foot
             misses it.
         delay: time of the first contact after the planned one [s]; NaN where there is none.
@@ -227,7 +228,9 @@ def run_in_mujoco(
 
     The robot stands on the corners of its sole, its kicking foot may step on the floor, unless it
     begins more than 5 mm under the ground, and nothing else collides. The ball is fixed where it
-    lies until the foot touches it, and afterwards flies by `fly`, or `follow`.
+    lies until the foot touches it. From where it has left the foot, `fly`, or `follow`, computes
+    its path with air, bounces and rolling; MuJoCo has none of them, and they are too small to count
+    during the contact.
 
     With a seed, the robot is not the one of the plan: masses of its bodies, friction of ground and
     ball, and the place of the ball differ at random, and commands reach the drives late.

@@ -47,9 +47,6 @@ def test_coefficients_of_the_air_agree_with_their_sources(kind, name):
     assert row.verdict == "right", row
 
 
-# --- the references and the verdicts --------------------------------------------------------------
-
-
 def test_every_shipped_model_has_a_formula_in_any_number_of_digits():
     assert set(FORMULAS) == {(kind, name) for kind, models in MODELS.items() for name in models}
 

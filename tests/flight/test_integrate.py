@@ -1,4 +1,4 @@
-"""The integrator: a closed form, its order, and steps that foresee the end."""
+"""The integrator: a closed form, and its order."""
 
 import math
 
@@ -8,16 +8,10 @@ from tolerances import integrated
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
-from kickdyn.flight.events import ground_event
-from kickdyn.flight.fly import fly_arc
 from kickdyn.flight.forces import FINEST, FlightEquations
 from kickdyn.flight.integrate import Integration, Tolerance, solve_one
 
 BALL = kd.Ball()
-
-
-def launch(velocity, height=0.0, spin=(0, 0, 0)):
-    return kd.BallState((0, 0, height), velocity, spin)
 
 
 def test_lift_alone_turns_a_ball_in_circles():
@@ -40,7 +34,7 @@ def test_lift_alone_turns_a_ball_in_circles():
     ((50, 2, 22), 3.0, 7.0),  # through 35 m/s, where the data end
 ])  # fmt: skip
 def test_the_error_falls_with_about_the_eighth_power_of_the_evaluations(velocity, end, least):
-    motion = FlightEquations(launch(velocity, spin=(5, -30, 15)), BALL, kd.Air())
+    motion = FlightEquations(kd.BallState((0, 0, 0), velocity, (5, -30, 15)), BALL, kd.Air())
 
     def arc(tol):
         tolerance = Tolerance(max(tol, FINEST), np.full(7, tol))
@@ -51,15 +45,3 @@ def test_the_error_falls_with_about_the_eighth_power_of_the_evaluations(velocity
     errors = [np.abs(each.state - exact).max() for each in arcs]
     slope, _ = np.polyfit(np.log([each.evaluations for each in arcs]), np.log(errors), 1)
     assert -slope > least
-
-
-def test_most_flights_take_no_step_anew_to_end_at_the_ground():
-    """The step before the last one foresees the end; a step takes twelve evaluations."""
-    draw, anew = np.random.default_rng(1), []
-    for velocity in draw.uniform((5, -3, 2), (30, 3, 12), (40, 3)):
-        start = launch(velocity, 0.5, draw.normal(0, 30, 3))
-        ground = ground_event(BALL, kd.Ground()).launched(start)
-        tolerance = Tolerance(1e-9, np.full(7, 1e-8))
-        arc = solve_one(fly_arc(start, BALL, kd.Air(), [ground], 1e3, tolerance)).arc
-        anew.append(arc.evaluations > 12 * len(arc.steps) + 1)
-    assert np.mean(anew) < 0.5

@@ -15,9 +15,6 @@ BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 TINY = mp.mpf(10) ** -40
 
 
-# --- flights ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("spins", [True, False])
 def test_both_flights_land_alike_whatever_the_step(spins, monkeypatch):
     state, air = kicks(1)[0], AIR
@@ -31,19 +28,12 @@ def test_both_flights_land_alike_whatever_the_step(spins, monkeypatch):
         assert exact_flight.landing(state, BALL, air) == pytest.approx(exact, abs=50 * EPSILON)
 
 
-# --- legs ---------------------------------------------------------------------------------------
-
-
-def posture_of(leg, q):
-    return ExactPosture(*leg_numbers(leg), numbers(q))
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_a_leg_is_that_of_pinocchio(seed):
     rng = np.random.default_rng(seed)
     leg = random_leg(rng)
     q = rng.uniform(-2, 2, leg.nq)
-    exact, posture = posture_of(leg, q), leg.posture(q)
+    exact, posture = ExactPosture(*leg_numbers(leg), numbers(q)), leg.posture(q)
     for name in ("inertia", "jacobian", "contact_point"):
         agrees(np.array(getattr(exact, name), dtype=float), getattr(posture, name), closed_form())
     right = numbers(rng.normal(size=leg.nv))
@@ -51,18 +41,11 @@ def test_a_leg_is_that_of_pinocchio(seed):
     assert length(exact.inertia @ solved - right) < TINY
 
 
-# --- impacts ------------------------------------------------------------------------------------
-
-
-def struck(seed, friction):
-    rng = np.random.default_rng(seed)
-    args, options = random_kick(rng, random_leg(rng), friction=friction)
-    return kd.strike(*args, **options)
-
-
 @pytest.mark.parametrize("friction", [0.0, 0.05, 2.0])
 def test_restitution_cone_and_energy_hold_to_forty_digits(friction):
-    hit = struck(1, friction)
+    rng = np.random.default_rng(1)
+    args, options = random_kick(rng, random_leg(rng), friction=friction)
+    hit = kd.strike(*args, **options)
     structure, scene = given(hit)
     exact = exact_impact(structure, scene)
     n = scene["normal"] / length(scene["normal"])

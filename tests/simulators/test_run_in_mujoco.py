@@ -24,7 +24,7 @@ from kickdyn.simulators.mujoco_field import Disturbance, MujocoField, draw
 from kickdyn.simulators.mujoco_kick import MujocoContact, MujocoKick, ball_spin, write_bodies
 from kickdyn.simulators.repeated_runs import NoisyRuns
 
-pytest.importorskip("mujoco")
+mujoco = pytest.importorskip("mujoco")
 
 
 @pytest.fixture(scope="module")
@@ -308,8 +308,6 @@ def test_margins_of_the_sole_are_the_least_of_averaged_loads(monkeypatch):
     assert margins["friction"] == pytest.approx(1 - math.hypot(mixed, 9 / (0.5 * 1.01)))
     assert margins["centre of pressure"] == pytest.approx(0.1 - 9.02 / 1.01)
 
-
-mujoco = pytest.importorskip("mujoco")
 
 KINDS = {
     "free": pin.JointModelFreeFlyer, "ball": pin.JointModelSpherical,

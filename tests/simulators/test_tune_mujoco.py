@@ -66,23 +66,6 @@ def test_kicks_around_the_tuned_one_are_those_of_collide():
     assert cases["later in the swing"].approach.posture.q == pytest.approx(ahead)
 
 
-def test_the_contact_of_the_best_score_is_chosen(monkeypatch):
-    """A shape may have no fit; with friction, the margin is the mean deflection."""
-    monkeypatch.setattr(mujoco_fit, "SHAPES", mujoco_fit.SHAPES[:3])
-    margins = []
-    monkeypatch.setattr(mujoco_fit, "MujocoKick", lambda *a, **_: margins.append(a[2].margin))
-    for scores, best in (([(1.5, 2), (1.2, 3), (1.2, 4)], 1), ([(1, 2), None, (1, 0.4)], 2)):
-        kick = POSTURE, V, kd.Ball(), kd.Contact(ALONG, 0.7, friction=best - 1.0)
-        approach = find_approach(*kick, (0, 0, 0), (0, 0, 0))
-        case = mujoco_fit.KickCase("", approach, approach.ball_before, 0.01)
-        fits = [score and mujoco_fit.FittedContact(score, *4 * [None]) for score in scores]
-        left = iter(fits)
-        monkeypatch.setattr(mujoco_fit, "fit_contact", lambda *_, left=left: next(left))
-        chosen = mujoco_fit.find_best([case], 0.002, "Euler", 0.010, 0.03)
-        assert chosen is fits[best]
-    assert margins == [0.0, 0.01]
-
-
 @pytest.fixture(scope="module")
 def tuned():
     with pytest.MonkeyPatch.context() as patch:

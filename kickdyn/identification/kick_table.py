@@ -8,21 +8,18 @@ import numpy as np
 
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
-from kickdyn.identification.identification_result import with_deviation
 from kickdyn.identification.infer_impact import InferredImpact
 
 
 @validation.check_arguments
-def kick_table(kicks: Mapping[str, InferredImpact], *, latex: bool = False) -> Any:
-    r"""Return measured kicks as a table, a pandas `DataFrame`, with their standard deviations.
+def kick_table(kicks: Mapping[str, InferredImpact]) -> Any:
+    """Return measured kicks as a table, a pandas `DataFrame`, with their standard deviations.
 
     Each row is a quantity with its unit. Each kick has two columns: its name, and its name with
     `+-` for the standard deviations, NaN if unknown.
 
     Args:
         kicks: impacts of legs with joints of the same names, by name of the kick.
-        latex: whether to return the text of a LaTeX table instead, for the package booktabs, with
-            entries such as :math:`0.648 \pm 0.008`.
 
     Raises:
         InvalidInput: no kick, or legs with other joints.
@@ -38,8 +35,6 @@ def kick_table(kicks: Mapping[str, InferredImpact], *, latex: bool = False) -> A
     for name, of_kick in rows.items():
         if list(of_kick) != titles:
             raise InvalidInput(f"kick {name!r} has other joints than {next(iter(kicks))!r}")
-    if latex:
-        return _latex(titles, rows)
     values = np.hstack([list(of_kick.values()) for of_kick in rows.values()])
     columns = [title for name in kicks for title in (name, f"{name} +-")]
     table = DataArray(values, {"quantity": titles, "kick": columns}, ("quantity", "kick"))
@@ -59,26 +54,3 @@ def _rows(impact: InferredImpact) -> dict[str, tuple[float, float]]:
     for name, size in impact.joint_sizes.items():
         rows[f"impulse in {name} [N s]"] = (size, impact.joint_deviations.get(name, math.nan))
     return rows
-
-
-def _latex(titles: list[str], rows: Mapping[str, Mapping[str, tuple[float, float]]]) -> str:
-    """Return a LaTeX table of values with their deviations, to two digits of these."""
-    lines = [r"\begin{tabular}{l" + "r" * len(rows) + "}", r"\toprule"]
-    lines += [" & ".join(["", *map(_escaped, rows)]) + r" \\", r"\midrule"]
-    for title in titles:
-        cells = [_entry(*of_kick[title]) for of_kick in rows.values()]
-        lines.append(" & ".join([_escaped(title), *cells]) + r" \\")
-    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
-
-
-def _entry(value: float, deviation: float) -> str:
-    """Return a value with its deviation, or to four digits without one."""
-    if not (math.isfinite(deviation) and deviation > 0.0):
-        return f"${value:.4g}$"
-    return f"${with_deviation(value, deviation)}$".replace("+-", r"\pm")
-
-
-def _escaped(text: str) -> str:
-    """Return a text whose special characters LaTeX prints."""
-    special = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
-    return "".join(special.get(c, "\\" + c if c in "&%$#_{}" else c) for c in text)

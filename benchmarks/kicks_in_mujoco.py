@@ -12,9 +12,9 @@ with the own foot, a table of both errors with the ball displaced, and runs with
 `kd.KickNoise()` (masses 2 %, friction 10 %, commands up to 5 ms late, place of the ball 5 mm): how
 many robots stand, and how the balls scatter.
 
-With `--surfaces`, straight kicks over 2, 3 and 4 m with the surfaces of each robot's foot, as they
-are planned: direction and speed per cm that the ball is displaced, along and across, by
-`plan.sensitivity_to_ball` and as MuJoCo's own foot gives them.
+With `--surfaces`, straight kicks over 2, 3 and 4 m with the surfaces of each robot's foot: change
+of direction and speed per cm that the ball is displaced, along and across, by
+`plan.sensitivity_to_ball`; for the surface of `kd.choose_surface` also with a motion and in MuJoCo.
 
 T1 is Booster's, of github.com/BoosterRobotics/booster_gym, K1 of BoosterRobotics/booster_assets,
 both without rotors, OP3 of the mujoco_menagerie; all on their left foot, with their arms spread.
@@ -23,7 +23,6 @@ both without rotors, OP3 of the mujoco_menagerie; all on their left foot, with t
 import argparse
 import math
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -43,13 +42,8 @@ TOE = kd.Contact(friction=0.4, offset=(0.066, -0.0135, 0.133))
 DISPLACED = 0.0, 0.01, 0.02, 0.05
 """Displacements of the ball [m]."""
 
-PASSES = (2, 3.0), (3, 3.5), (4, 4.0)
-"""Distances of passes along the ground [m] and speeds of the ball [m/s]."""
-
-AZIMUTHS = {
-    "instep": (0.0,), "toe": (0.0,), "inside": (0.0, 40.0, 80.0), "outside": (0.0, -40.0, -80.0),
-}  # fmt: skip
-"""Directions in which passes with a surface are tried, to the left of ahead [deg]."""
+KICKS = (2, 0.5), (3, 0.6), (4, 0.7)
+"""Distances of kicks [m] and their times of flight [s]."""
 
 SMALL = kd.Ball(0.2, 0.07)
 """A ball for a robot of half a metre."""
@@ -93,38 +87,37 @@ def op3(file: str) -> kd.Leg:
 
 
 def measure_surfaces(robot: kd.Leg, ball: kd.Ball) -> None:
-    """Print how passes with each surface of a foot depend on the place of the ball."""
-    print("| surface | pass | launch | plan: along | across | MuJoCo: along | across |")
-    print("|---|---|---|---|---|---|---|")
-    for surface, azimuths in AZIMUTHS.items():
-        leg, tuning = kd.kick_with(robot, surface), None
-        for distance, speed in PASSES:
-            cells = [surface, f"{distance} m"]
+    """Print how kicks with each surface of a foot, without a motion, depend on the ball's place.
+
+    Then, for a kick with the surface that `choose_surface` chooses, the same of its motion, and in
+    MuJoCo.
+    """
+    print("| surface | kick | launch | along | across |\n|---|---|---|---|---|")
+    for surface in ("inside", "instep", "outside", "toe"):
+        for distance, duration in KICKS:
+            goal = kd.Goal(distance, time=duration)
             try:
-                plan = straight_pass(leg, ball, distance, speed, azimuths)
-            except kd.KickdynError as error:
-                print(f"| {' | '.join(cells)} | {str(error)[:60]} |", flush=True)
+                plan = kd.plan_kick(kd.kick_with(robot, surface), goal, ball, AIR)
+            except kd.InvalidInput as error:
+                print(f"| {surface} | {distance} m | {str(error)[:60]} | | |", flush=True)
                 continue
-            tuning = tuning or kd.run_in_mujoco(plan).tuning
-            cells.append(f"{plan.impact.ball_after.speed:.1f} m/s, {plan.status}")
-            seen = plan.sensitivity_to_ball
-            changes = [seen.along, seen.across, *simulated_changes(plan, tuning)]
-            cells += [f"{direction:.1f}°, {speed:.1f} %" for direction, speed in changes]
-            print(f"| {' | '.join(cells)} |", flush=True)
+            launch = f"{plan.impact.ball_after.speed:.1f} m/s, {plan.status}"
+            print(f"| {surface} | {distance} m | {launch} | {in_words(plan)} |", flush=True)
+    goal = kd.Goal(KICKS[1][0], time=KICKS[1][1])
+    leg = kd.choose_surface(robot, goal, ball, AIR)
+    plan = kd.plan_kick(leg, goal, ball, AIR, motion=True)
+    print(f"{leg.frame}, with its motion, {plan.status}, {plan.share:.0%} of the launch:")
+    changes = simulated_changes(plan, kd.run_in_mujoco(plan).tuning)
+    print(f"  planned: {in_words(plan)}\n  MuJoCo: {changes}", flush=True)
 
 
-def straight_pass(
-    leg: kd.Leg, ball: kd.Ball, distance: float, speed: float, azimuths: Sequence[float]
-) -> kd.KickPlan:
-    """Return a pass in the first direction in which it is met, or where most of it is reached."""
-    plans = []
-    for azimuth in np.radians(azimuths):
-        target = distance * np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
-        goal = kd.Goal(target, speed=speed)
-        plans.append(kd.plan_kick(leg, goal, ball, AIR, surface="turf", motion=True))
-        if plans[-1].status == "met":
-            break
-    return max(plans, key=lambda plan: (plan.status == "met", plan.share))
+def in_words(plan: kd.KickPlan) -> str:
+    """Return the changes of a launch by 1 cm as cells of a table."""
+    seen = plan.sensitivity_to_ball
+    return " | ".join(
+        f"{change.direction_deg:.1f}°, {change.speed_percent:.1f} %"
+        for change in (seen.along, seen.across)
+    )
 
 
 def simulated_changes(plan: kd.KickPlan, tuning: MujocoTuning) -> list[tuple[float, float]]:

@@ -63,6 +63,19 @@ class BallSensitivity(NamedTuple):
     foot: str
 
     @property
+    def velocity_change(self) -> float:
+        r"""Change of the velocity over the speed of the launch [1/cm].
+
+        It is :math:`\sqrt{\sum (\delta^2 + \sigma^2)}` of the angles :math:`\delta` [rad] and
+        the relative changes of speed :math:`\sigma` of both displacements.
+        """
+        return math.hypot(*(
+            value
+            for direction, speed in (self.along, self.across)
+            for value in (math.radians(direction), 0.01 * speed)
+        ))  # fmt: skip
+
+    @property
     def rows(self) -> list[Row]:
         """Name, direction and speed of both displacements, for tables."""
         return [

@@ -117,6 +117,7 @@ def test_a_free_kick_over_a_wall_into_the_corner(kickdyn, tmp_path, monkeypatch)
     page = (tmp_path / "free.html").read_text()
     assert f"{post:.3g} m" in page
     assert "still aloft" not in page
+    assert "ball displaced across" in page
 
 
 @pytest.mark.parametrize(("line", "limit", "nearest"), [

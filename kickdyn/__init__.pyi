@@ -55,6 +55,7 @@ from .planning.moving_kick import plan_trap as plan_trap
 from .planning.passes import Pass as Pass
 from .planning.passes import plan_pass as plan_pass
 from .planning.reach import reach as reach
+from .planning.surface_choice import choose_surface as choose_surface
 from .robot.constraints import Support as Support
 from .robot.foot_surfaces import FootSurface as FootSurface
 from .robot.foot_surfaces import foot_surfaces as foot_surfaces

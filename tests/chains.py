@@ -1,9 +1,12 @@
 """Legs for tests: random chains of 1 to 7 joints, bodies on rails; momentum and energy."""
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 
 import kickdyn as kd
+from kickdyn.robot.robot_file import RobotFile
 from kickdyn.robot.urdf_file import shipped_urdf
 
 
@@ -18,6 +21,13 @@ def random_inertia(rng, share=1.0):
     moments = turn @ np.diag([a + b, b + c, c + a]) @ turn.T
     mass, lever = rng.uniform(0.2, 8.0), rng.uniform(-0.2, 0.2, size=3)
     return pin.Inertia(share * mass, share * lever, share**3 * moments)
+
+
+def shapes(touching=(), drawn=()):
+    """A robot's file of shapes for contacts, and of those that it draws."""
+    file = RobotFile("", Path(), "leg")
+    vars(file).update(collisions=lambda: touching, visuals=lambda: drawn)
+    return file
 
 
 def at(x, y, z):

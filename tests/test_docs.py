@@ -33,7 +33,7 @@ DATASET = (DOCS / "reference" / "dataset.md").read_text("utf-8")
 SLOW = {
     *("standing", "own-robot", "pages", "carry-out", "sweeps", "learning", "identification"),
     *("which-function", "measured-impacts", "moving-balls"),
-    *("reach", "run_in_mujoco", "run_with_noise", "simulate_many"),
+    *("choose_surface", "reach", "run_in_mujoco", "run_with_noise", "simulate_many"),
 }
 """Pages and functions whose snippets are run by `make test-slow`."""
 

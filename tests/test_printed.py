@@ -63,6 +63,8 @@ FORMULAS = {
         lambda plan: np.mean((plan.v / plan.leg.velocity_limit) ** 2),
     ("plan", "contact above the ball's centre"): lambda plan: contact_point(plan.impact)[0],
     ("plan", "contact to the left of it"): lambda plan: round(contact_point(plan.impact)[1], 12),
+    **{("plan", f"ball displaced {way}"): lambda plan, way=way: getattr(
+        plan.sensitivity_to_ball, way).direction_deg for way in ("along", "across")},
     ("reach", "azimuth -10, elevation 20 deg"): lambda reach: (21.43, 31.3, 44.3),
     **{("library", axis): lambda library, k=k: IN_TABLES[k] * library.reader.lower[k]
        for k, axis in enumerate(AXES)},

@@ -141,6 +141,10 @@ class Motion(ReprMixin):
         """Return its velocity at a time [s], shape `(nv,)`; at 0, just before the impact."""
         return self._state(t)[1]
 
+    def a(self, t: float) -> Array:
+        """Return its acceleration at a time [s], shape `(nv,)`; at 0, just before the impact."""
+        return self._state(t)[2]
+
     @property
     def v_after(self) -> Array:
         """The velocity of the robot just after the impact, shape `(nv,)`."""

@@ -22,6 +22,7 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.leg_response import Footing
 from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.motion.motion import Motion
+from kickdyn.planning.ball_sensitivity import BallSensitivity, sensitivity_to_ball
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.interception import IncomingBall
 from kickdyn.planning.kick_terms import KickObjective
@@ -179,6 +180,7 @@ class KickPlan(ReprMixin):
         yield f"objective {self.objective}", self.value, self.objective.unit
         yield "share of the speed limit", self.speed_use, ""
         yield "share of the torque limit", self.torque_use, ""
+        yield from self.sensitivity_to_ball.rows if self.sensitivity_to_ball else ()
         yield from warned(self.warnings)
 
     @property
@@ -225,6 +227,25 @@ class KickPlan(ReprMixin):
     def velocity_error(self) -> float:
         """Distance of the velocity after the impact from the velocity of `launch` [m/s]."""
         return math.dist(self.impact.ball_after.velocity, self.launch.velocity)
+
+    @cached_property
+    def sensitivity_to_ball(self) -> BallSensitivity | None:
+        """Change of the launch if the ball lies 1 cm from its place; None of a trap.
+
+        The ball is displaced along and across the horizontal direction of the launch, to either
+        side, and the larger change of direction, and of speed, counts. The foot moves as planned,
+        after the planned impact with the acceleration just before it. It thus meets the ball with
+        another point of the foot, at another time, with another normal and lever, and `strike`
+        gives the launch. The differences are from the ball in its place, struck by the same foot.
+
+        The foot is the shapes that strike in `run_in_mujoco`. Where the file has none, or the ball
+        is more than 5 cm from where they pass, it is a plane through the contact point, across the
+        normal. The displacement is finite, because shapes have facets and edges: a derivative is
+        that of one facet.
+        """
+        if not isinstance(self.goal, Goal):
+            return None
+        return sensitivity_to_ball(self.impact, self.motion)
 
     @cached_property
     def status(self) -> PlanStatus:

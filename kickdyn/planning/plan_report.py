@@ -117,7 +117,7 @@ class PlanReport:
                 "worst_joint_impulse": joint_impulse,
             },
             "time": plan.path.duration,
-            **attributes(plan, f"share warnings {errors}"),
+            **attributes(plan, f"share sensitivity_to_ball warnings {errors}"),
         }
         if plan.corrected_by:
             report["corrected_by"] = plan.corrected_by

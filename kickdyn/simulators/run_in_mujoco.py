@@ -14,7 +14,7 @@ from kickdyn.ball import BallState
 from kickdyn.core import validation
 from kickdyn.core.files import attributes
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays, warned
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
@@ -25,9 +25,10 @@ from kickdyn.plane import Plane
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.robot.mjcf_file import quiet_mujoco
 from kickdyn.robot.standing import StandingRobot, is_floating, sole_edges
+from kickdyn.robot.striking_shapes import FootKind
 from kickdyn.simulators.mujoco_field import KickNoise, MujocoField, draw
 from kickdyn.simulators.mujoco_kick import load_mujoco
-from kickdyn.simulators.striking_foot import FootKind, find_foot, plate
+from kickdyn.simulators.striking_foot import find_foot, plate
 from kickdyn.simulators.tune_mujoco import MujocoTuning, tune_mujoco
 
 LATEST_IMPACT = 0.1
@@ -207,6 +208,7 @@ def run_in_mujoco(
     seed: int | None = None,
     noise: KickNoise | None = None,
     foot: str = FootKind.SHAPES,
+    ball_displacement: ArrayLike = (0.0, 0.0),
 ) -> MujocoRun:
     r"""Carry out the motion of a plan in MuJoCo: drives, floor, and a contact that takes time.
 
@@ -247,6 +249,8 @@ def run_in_mujoco(
         noise: how large they are; None is `KickNoise()`.
         foot: `shapes`, or `plate` for a square of 10 cm at the contact point, across the normal,
             which can touch the ball from 0.1 s before the impact on.
+        ball_displacement: along x and y from where the plan has the ball, which the robot does not
+            know, shape `(2,)` [m, world frame].
 
     Raises:
         InvalidInput: a plan without a motion, a joint without a torque limit, a tuning for another
@@ -265,6 +269,7 @@ def run_in_mujoco(
         raise InvalidInput("the plan has no motion: plan it with plan_kick(..., motion=True)")
     chosen = validation.choice("controller", controller, Controller)
     kind = validation.choice("foot", foot, FootKind)
+    displacement = validation.vector("ball_displacement", ball_displacement, 2, unit="m")
     if seed is not None:
         validation.check_type(int, seed=seed)
         validation.number("seed", seed, at_least=0)
@@ -290,6 +295,7 @@ def run_in_mujoco(
     bodies = motion.robot.model.njoints - 1
     drawn = KickNoise(0, 0, 0, 0) if seed is None else noise or KickNoise()
     differs = draw(drawn, seed or 0, bodies)
+    differs = differs._replace(place=differs.place + displacement)
     strikes = plate(impact) if kind is FootKind.PLATE else find_foot(motion, impact, differs.place)
     field = MujocoField(motion, impact, standing, tuning, differs, strikes)
     field.set_gains(rooted, posture.q)

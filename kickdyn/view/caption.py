@@ -1,12 +1,13 @@
 """The numbers of a kick, or of several flights, as a panel of HTML beside the picture."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
 import numpy as np
 
+from kickdyn.core.representation import format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course
@@ -22,10 +23,17 @@ Row = tuple[str, str]
 """What it is and its value, both HTML."""
 
 
-def kick_panel(impact: Impact, path: BallPath, text: str, warnings: Sequence[str] = ()) -> str:
-    """Return the panel of a kick, with lines of plain text."""
+def kick_panel(
+    impact: Impact,
+    path: BallPath,
+    text: str,
+    warnings: Sequence[str] = (),
+    more: Iterable[tuple[str, object, str]] = (),
+) -> str:
+    """Return the panel of a kick, with lines of plain text and `more` rows of a result."""
     name = impact.posture.leg.name
     rows = [*_impact_rows(impact), *_path_rows(path)]
+    rows += [(escape(head), escape(f"{format_value(x)} {unit}")) for head, x, unit in more]
     if name:
         rows.insert(0, ("leg", _name(name)))
     title = f"Ball at {float(impact.ball_after.speed):.4g} m/s"

@@ -13,7 +13,7 @@ from meshcat.animation import Animation
 from kickdyn.air import Air
 from kickdyn.core import validation
 from kickdyn.core.files import FileName, checked_ending, replacing
-from kickdyn.core.representation import distance_in_words
+from kickdyn.core.representation import Row, distance_in_words
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
@@ -176,7 +176,7 @@ def page(
     )
     brief = [line.partition("; ")[0] for line in kick.warnings]
     warnings = list(dict.fromkeys([*viewer.window.warnings, *brief]))
-    panel = kick_panel(impact, kick.path, text, warnings)
+    panel = kick_panel(impact, kick.path, text, warnings, kick.rows)
     name = impact.posture.leg.name or "leg"
     title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"
     return Page(viewer, title, panel, pace)
@@ -193,7 +193,10 @@ def _page_of_leg(subject: _LegAlone, caption: str) -> Page:
 
 
 class _Kick(NamedTuple):
-    """What a page shows of a kick; `lies` says whether the ball cannot be on a tee."""
+    """What a page shows of a kick; `lies` says whether the ball cannot be on a tee.
+
+    `rows` are further ones of its result.
+    """
 
     impact: Impact
     path: BallPath
@@ -203,6 +206,7 @@ class _Kick(NamedTuple):
     warnings: Sequence[str] = ()
     lies: bool = True
     arrival: Arrival | None = None
+    rows: Sequence[Row] = ()
 
 
 def _kick_of(subject: _MovingSubject, path: BallPath | None, caption: str) -> _Kick:
@@ -213,11 +217,11 @@ def _kick_of(subject: _MovingSubject, path: BallPath | None, caption: str) -> _K
             warnings = [*subject.warnings, *flown.warnings]
             return _Kick(subject, flown, caption, warnings=warnings, lies=isinstance(path, Course))
         case KickPlan():
-            impact, meeting = subject.impact, subject.meeting
+            impact, meeting, moved = subject.impact, subject.meeting, subject.sensitivity_to_ball
             arrival = None if meeting is None else arrival_of(meeting, impact.ball)
             return _Kick(
                 impact, subject.path, caption, subject.motion, warnings=subject.warnings,
-                arrival=arrival,
+                arrival=arrival, rows=moved.rows if moved else (),
             )  # fmt: skip
         case Simulation():
             return _kick_of_simulation(subject, caption)

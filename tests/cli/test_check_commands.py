@@ -69,14 +69,6 @@ def test_of_a_leg_with_a_loop_no_kick_is_proposed():
     assert "--loop shank_pin:rocker_b_tip" in command
 
 
-def test_a_foot_without_shapes_kicks_with_its_origin(written):
-    foot = '<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/><joint name="knee" axis="0 1 0"/>'
-    leg = f'<joint name="hip" axis="0 1 0"/><geom size="0.1"/><body name="foot">{foot}</body>'
-    seen = rows(written("leg.xml", f"<mujoco><worldbody><body>{leg}</body></worldbody></mujoco>"))
-    assert seen["kicks with"][0] == "foot"
-    assert "the origin of foot kicks" in seen["note"][0]
-
-
 def test_an_mjcf_has_the_masses_and_the_rotors_of_mujoco():
     seen, model = rows(HUMANOID), mujoco.MjModel.from_xml_path(str(HUMANOID))
     assert seen["mass"][0] == pytest.approx(mujoco.mj_getTotalmass(model), rel=closed_form())

@@ -91,6 +91,7 @@ def test_a_ball_is_trapped(kickdyn, tmp_path):
     assert document["launch"]["velocity"] == pytest.approx([0.5, 0, 0], abs=optimized(1e-7))
     agrees(document["impact"]["impulse"], plan.impact.impulse, optimized(1e-5))
     assert len(document["meetings"]) == len(plan.meetings)
+    assert document["sensitivity_to_ball"] is plan.sensitivity_to_ball is None
 
 
 def test_a_free_kick_over_a_wall_into_the_corner(kickdyn, tmp_path, monkeypatch):
@@ -116,6 +117,7 @@ def test_a_free_kick_over_a_wall_into_the_corner(kickdyn, tmp_path, monkeypatch)
     page = (tmp_path / "free.html").read_text()
     assert f"{post:.3g} m" in page
     assert "still aloft" not in page
+    assert "ball displaced across" in page
 
 
 @pytest.mark.parametrize(("line", "limit", "nearest"), [

@@ -183,6 +183,7 @@ def test_every_number_of_the_json_is_that_of_the_plan(plan):
         "leg.worst_joint_impulse": impact.worst_joint[1], "wall.above": passes[2] - 0.2,
         "wall.beside": abs(np.cross(ahead, passes)[2]) - 1.25 - BALL.radius,
         "goal_mouth.end": score(plan).end,
+        "sensitivity_to_ball.across.direction_deg": plan.sensitivity_to_ball.across.direction_deg,
         "leg.q_deg": {name: math.degrees(angle) for name, angle in angles.items()},
     }  # fmt: skip
     for key, value in expected.items():

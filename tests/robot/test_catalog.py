@@ -242,15 +242,6 @@ def test_the_size_of_a_surface_is_what_a_plane_5_mm_deep_cuts_off(tmp_path, name
     assert size == pytest.approx([width, height], abs=closed_form(1e4))
 
 
-def test_the_size_of_a_surface_of_a_round_foot_is_that_of_its_cap(tmp_path):
-    """The hull of 400 points of a sphere is up to 2 % of the radius inside it."""
-    ball = BOX.replace('box size="0.24 0.1 0.06"', 'sphere radius="0.08"')
-    surface = kd.foot_surfaces(box_foot(tmp_path, shape=ball))["inside"]
-    assert surface.size == pytest.approx(2 * np.sqrt(2 * 0.08 * 5e-3 - 5e-3**2), rel=0.15)
-    reach = (surface.point - [0.05, 0.01, -0.02]) @ surface.normal
-    assert reach == pytest.approx(0.08, rel=0.04)
-
-
 def test_a_robot_by_name_has_the_points_of_its_frames():
     leg = kd.Leg.from_robot("g1", "right_ankle_roll_link", legs_only=True)
     point = kd.foot_surfaces(leg)["inside"].point

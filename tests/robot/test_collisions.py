@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.robot.collisions import (
-    Placed,
-    bodies_at,
-    body_of,
-    find_ball_overlaps,
-    find_self_collisions,
-)
-from kickdyn.robot.ground_clearance import Spheres, body_frames
+from kickdyn.robot.collisions import body_of, find_ball_overlaps, find_self_collisions
+from kickdyn.robot.ground_clearance import Spheres
 
 GJK = 1e-6
 """Absolute tolerance of the distance of two convex shapes by iteration [m]."""
@@ -48,34 +42,17 @@ def test_crossed_legs_are_inside_each_other_and_straight_ones_are_not(tmp_path, 
         assert depth == pytest.approx(0.08 - 2 * abs(0.1 - 0.4 * np.sin(0.3)), abs=GJK)
 
 
-def test_depths_of_several_bodies_in_a_ball_fall(tmp_path):
-    leg = legs(tmp_path, "sphere", "0.04")
-    posture = leg.posture(leg.configuration())
-    depths = find_ball_overlaps(posture, np.array([0.0, 0.02, 0.6]), 0.15)
-    # centres of the spheres are at y = 0.1 and -0.1 m
-    assert list(depths.items()) == [
-        ("left", pytest.approx(0.19 - 0.08, abs=GJK)),
-        ("right", pytest.approx(0.19 - 0.12, abs=GJK)),
-    ]
-
-
 def test_bodies_that_touch_at_rest_do_not_count(tmp_path):
     wide = legs(tmp_path, "capsule", "0.11 0.3")
     assert find_self_collisions(wide, wide.configuration({"l": -0.3, "r": 0.3})) == {}
 
 
-INERTIAL = (
-    '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
-    "</inertial>"
-)
-LINK = (
-    '<link name="{}">' + INERTIAL + '<visual><origin xyz="{}"/><geometry><box size="{}"/>'
-    "</geometry></visual></link>"
-)
-JOINT = (
-    '<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/><origin xyz="{}"/>'
-    '<axis xyz="{}"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
-)
+INERTIAL = """<inertial><mass value="1"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>"""
+LINK = f"""<link name="{{}}">{INERTIAL}<visual><origin xyz="{{}}"/><geometry><box size="{{}}"/>
+</geometry></visual></link>"""
+JOINT = """<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/><origin xyz="{}"/>
+<axis xyz="{}"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>"""
 
 
 @pytest.mark.parametrize(("urdf", "srdf"), [
@@ -101,19 +78,6 @@ def test_pairs_that_the_srdf_disables_do_not_count(tmp_path, urdf, srdf):
     line = '<disable_collisions link1="shank" link2="trunk"/>'
     (tmp_path / srdf).write_text(f'<robot name="three">{line}</robot>')
     assert collisions() == []
-
-
-@pytest.mark.parametrize("ahead", [0.15, 0.35])
-def test_the_nearest_point_of_a_body_and_its_normal(tmp_path, ahead):
-    """A box whose front is at x = 0.1 m, and a ball of 0.1 m."""
-    leg = legs(tmp_path, "box", "0.1 0.04 0.3")
-    space = leg.workspace
-    placed = Placed(leg, body_frames(leg), space.model, space.data, leg.configuration())
-    (body,) = bodies_at(leg, "right")
-    contact = placed.proximity(body, placed.place_ball(np.array([ahead, -0.1, 0.6]), 0.1))
-    assert contact.depth == pytest.approx(0.2 - ahead, abs=GJK)
-    assert contact.normal == pytest.approx([1, 0, 0], abs=10 * GJK)
-    assert contact.point[0] == pytest.approx(0.1, abs=GJK)
 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 30.0])

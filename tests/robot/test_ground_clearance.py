@@ -56,17 +56,6 @@ def test_the_lowest_point_of_shapes_of_an_mjcf(tmp_path, kind, size, lowest):
     assert find_depths(leg, np.zeros(1), -1.0) == {"body": pytest.approx(lowest, abs=closed_form())}
 
 
-@pytest.mark.parametrize("shape", [
-    '<sphere radius="0.1"/>', '<cylinder length="0.5" radius="0.1"/>'])  # fmt: skip
-def test_the_depth_of_what_is_round_follows_the_joint(tmp_path, shape):
-    """A cylinder that lies along the joint has corners, which are up to 2 % inside it."""
-    leg = arm(tmp_path, shape, np.pi / 2)
-    for angle in (0.1, 0.5, 0.9):
-        depth = 0.3 * np.cos(angle) - 0.1 * np.sin(angle) + 0.1
-        found = find_depths(leg, np.array([-angle]), 0.0)["body"]
-        assert found == pytest.approx(depth, abs=2e-3)
-
-
 def test_the_deepest_body_comes_first():
     g1 = kd.Leg.from_robot("g1", legs_only=True)
     feet = find_depths(g1, g1.configuration(), -0.76)

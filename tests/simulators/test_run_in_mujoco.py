@@ -291,6 +291,23 @@ def test_a_robot_kicks_from_one_foot_and_may_be_turned():
     assert kd.run_in_mujoco(corrected).miss < 0.2 * kd.run_in_mujoco(plan).miss
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["g1", "icub"])
+def test_a_ball_aside_leaves_the_foot_as_its_shapes_say(name):
+    """In 10 ms, a ball that is turned aside moves farther from its place, and is turned more."""
+    icub, goal = kd.Leg.from_robot("icub", legs_only=True), kd.Goal(3, time=0.6)
+    plan = standing() if name == "g1" else kd.plan_kick(icub, goal, BALL, AIR, motion=True)
+    runs, aside = [kd.run_in_mujoco(plan)], 0.01 * np.array([-1.0, 1.0]) * plan.aim.ahead[1::-1]
+    for place in (aside, -aside):
+        runs.append(kd.run_in_mujoco(plan, tuning=runs[0].tuning, ball_displacement=place))
+    planned, *others = (run.ball_after.velocity / run.ball_after.speed for run in runs)
+    sine = max(np.linalg.norm(np.cross(planned, other)) for other in others)
+    more = runs[0].ball_after.speed * sine * runs[0].contact_time / 2 / 0.01
+    seen = plan.sensitivity_to_ball.across.direction_deg
+    assert seen == pytest.approx(math.degrees(math.asin(sine)), rel=more)
+    assert more < 0.4
+
+
 def test_margins_of_the_sole_are_the_least_of_averaged_loads(monkeypatch):
     """A square sole of 0.2 m; the load moves to an edge and then pulls across the ground."""
     edges = np.array([[1.0, 0], [-1, 0], [0, 1], [0, -1]]), np.full(4, 0.1)

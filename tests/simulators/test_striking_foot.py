@@ -2,19 +2,19 @@
 
 import math
 import re
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from chains import shapes
 from planned_motions import HUMAN, by_hand
-from tolerances import agrees, closed_form
+from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
 from kickdyn.core.mechanics import rotation_between
-from kickdyn.robot.robot_file import RobotFile, Shape, Visual
+from kickdyn.robot.robot_file import Shape, Visual
 from kickdyn.robot.standing import missing_shapes
 from kickdyn.simulators.mujoco_field import MujocoField
 
@@ -22,23 +22,9 @@ mujoco = pytest.importorskip("mujoco")
 OFF = math.radians(14)
 
 
-@dataclass(frozen=True)
-class Shapes(RobotFile):
-    """A file with these shapes at the foot."""
-
-    drawn: list = field(default_factory=list)
-    touching: list = field(default_factory=list)
-
-    def visuals(self):
-        return self.drawn
-
-    def collisions(self):
-        return self.touching
-
-
 def wearing(touching, drawn=(), plan=None):
     """Return the kick by hand of a leg with these shapes."""
-    plan, file = plan or by_hand(), Shapes("", Path(), "leg", drawn=drawn, touching=touching)
+    plan, file = plan or by_hand(), shapes(touching, drawn)
     motion = replace(plan.motion, robot=replace(HUMAN, file=file))
     return replace(plan, motion=motion)
 
@@ -72,6 +58,8 @@ def test_a_box_with_the_front_of_the_plate_strikes_as_the_plate_does(struck):
     own = kd.run_in_mujoco(wearing([box()]), tuning=struck.tuning)
     agrees(own.ball_after.velocity, struck.ball_after.velocity, closed_form(1e7))
     assert (own.foot, own.doubts, struck.foot) == ("shapes", (), "plate")
+    seen, flat = wearing([box()]).sensitivity_to_ball, wearing([]).sensitivity_to_ball
+    agrees([*seen.along, *seen.across], [*flat.along, *flat.across], optimized(1e-6))
     asked = kd.run_in_mujoco(wearing([box()]), tuning=struck.tuning, foot="plate")
     assert (asked.foot, asked.warnings) == ("plate", struck.warnings)
     # 38 mm are the distance of (0, 0, 0.11) from (0.03, 0, -0.04) without both radii
@@ -197,14 +185,11 @@ def test_an_own_model_of_the_foot_gives_the_same_launch(struck):
     assert any("16 deg off the planned one" in line for line in run.doubts)
 
 
-def test_the_motion_goes_on_to_its_impact_where_the_ball_leaves_before(struck, monkeypatch):
+def test_the_motion_goes_on_to_its_impact_where_the_ball_leaves_before(struck):
     """A ball 35 cm nearer to the foot than planned."""
-    plan = by_hand()
-    approach, anew = plan.impact.approach, replace(plan, impact=replace(plan.impact))
-    nearer = approach.ball_before.position - 0.35 * plan.aim.ahead
-    nearer = replace(approach.ball_before, position=nearer)
-    monkeypatch.setattr(type(approach), "ball_before", nearer)
-    run = kd.run_in_mujoco(wearing([box()], plan=anew), tuning=struck.tuning)
+    plan, nearer = by_hand(), -0.35 * by_hand().aim.ahead[:2]
+    run = kd.run_in_mujoco(wearing([box()]), tuning=struck.tuning, ball_displacement=nearer)
+    agrees(run.ball_position[0] - plan.impact.ball_before.position, [*nearer, 0], closed_form(1e4))
     assert run.ball_after.time < -0.01
     later = (run.t > run.ball_after.time) & (run.t < 0.0)
     for t, q in zip(run.t[later], run.q[later], strict=True):
@@ -215,8 +200,6 @@ def test_shapes_of_the_kicking_limb_that_cannot_be_read_are_named():
     robot = kd.Leg.from_robot("g1", base="floating")
     names = ["pelvis", "left_ankle_roll_link", "right_ankle_roll_link"]
     lost = [Visual(name, np.eye(4), Shape.MESH, mesh="lost.stl") for name in names]
-    (line,) = missing_shapes(
-        replace(robot, file=Shapes("", Path(), "g1", drawn=lost)), kd.Support(names[1])
-    )
+    (line,) = missing_shapes(replace(robot, file=shapes(drawn=lost)), kd.Support(names[1]))
     assert [name in line for name in names] == [False, False, True]
     assert "lost.stl" in line

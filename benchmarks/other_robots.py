@@ -12,7 +12,8 @@ s**-0.5, so that the same motions take s**0.5 of the time.
 Each robot has five goals: straight, 30 degrees to the side, a pass on turf, with the other foot,
 and from both feet to both feet. Of each: status, processor time, what holds it back where it is not
 met; in MuJoCo, after corrections, errors of speed and direction, and whether the robot stays
-upright. Rows are kept in FILE (build/other_robots.jsonl), so that the same command continues.
+upright. Rows are kept in FILE (build/other_robots.jsonl), so that the same command continues;
+remove it after a change of the code.
 """
 
 import argparse
@@ -198,7 +199,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if not any(part in name for part in given.robot):
             continue
         for kind, kick in goals(robot.length).items():
-            key = f"{name}, {kind}"
+            key = f"{name}, {kind}, {given.corrections} corrections"
             if key not in former:
                 former[key] = {"key": key, **carry_out(robot, given.corrections, **kick)}
                 with given.out.open("a", encoding="utf-8") as file:

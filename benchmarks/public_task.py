@@ -225,7 +225,8 @@ class Player:
         uses = verdict.use(SpeedLimit), verdict.use(TorqueLimit)
         plan = kd.KickPlan(
             goal, launch, KickObjective.TORQUE_SQUARED, verdict.torque_squared, 1.0, target, impact,
-            path, *uses, verdict.binding, ball_is_placed=True, heading=0.0, motion=motion,
+            path, *uses, verdict.binding, ball_place=impact.ball_before.position, heading=0.0,
+            motion=motion,
         )  # fmt: skip
         return plan, point
 

@@ -261,7 +261,7 @@ def _strike(tree, frames, task, senses, given, motion, memory, answer):  # type:
     `given` has the rows that the names above say, of one batch where all strikes share them. Joint
     angles and velocities, and answers with their flags, have a row for each strike. `memory` is
     what it works in: the bodies, the matrix of inertia, a `STATE`, and a batch of joint angles,
-    velocities, columns of the answer and the flag. Rows that part are nan.
+    velocities, columns of the answer and the flag. Rows where foot and ball part are nan.
     """
     (q, v), (answer, flags) = motion, answer
     bodies, inertia, state, floats_of = memory

@@ -388,7 +388,7 @@ class Strikes:
             restitution = self._table[kernel.RESTITUTION].reshape(-1)
             for i, speed in enumerate(answer[:, rows.APPROACH].tolist()):
                 contact = self.contacts[i % len(self.contacts)]
-                restitution[i] = restitution_at(contact.restitution, max(0.0, speed))  # or nan
+                restitution[i] = restitution_at(contact.restitution, speed if speed > 0.0 else 0.0)
             answer, flags = run(q, v)
         (n, nv), end = q.shape, rows.FIRST + self.leg.nv
         fields: list[Any] = [

@@ -87,10 +87,16 @@ def configurations(leg: Leg, root: Array, joints: Array) -> Array:
 
 
 def positions_of(leg: Leg, q: Array) -> Array:
-    """Return the positions of `file_joints` in configurations, shape `(k, n)` [rad; m]."""
-    names = file_joints(leg)
+    """Return the positions of `file_joints` in configurations over time, shape `(k, n)` [rad; m].
+
+    Those of continuous joints are without jumps.
+    """
+    names, model = file_joints(leg), leg.model
     values = [leg.joint_values(row) for row in q]
-    return np.array([[value[name] for name in names] for value in values])
+    positions = np.array([[value[name] for name in names] for value in values])
+    continuous = [model.nqs[model.getJointId(name)] == 2 for name in names]
+    positions[:, continuous] = np.unwrap(positions[:, continuous], axis=0)
+    return positions
 
 
 def file_joints(leg: Leg) -> list[str]:

@@ -397,6 +397,11 @@ class MotionProblem:
             reference,
         )
 
+    def continues(self, solution: MotionSolution) -> bool:
+        """Return whether a solution has multipliers of the rows that points have here."""
+        multipliers, rows = solution.multipliers, len(self.path.lower) + len(self._most)
+        return multipliers is not None and multipliers.points.shape[1] == rows
+
     def _range_of_coefficients(self, rest: Array) -> tuple[Array, Array]:
         """Return bounds of the coefficients; both ends are given if the robot is on both feet."""
         room = RangeLimit.reserve * (self.upper - self.lower)

@@ -136,8 +136,6 @@ def record(
             where = f" {side} the impact" if len(pieces) > 1 else ""
             raise InvalidInput(f"there are {count} frames{where}: a window of {window} needs more")
     joints, floats = positions_of(leg, q), is_floating(leg)
-    turning = np.array(leg.workspace.model.nqs[1 + floats :]) == 2
-    joints[:, turning] = np.unwrap(joints[:, turning], axis=0)
     root = moved_poses(pin.SE3.Identity(), q[:, :BASE]) if floats else q[:, :0]
     frames, fit = np.hstack([root, joints]), (rate, floats)
     smooth, v, a = _derivatives(frames, pieces, window, *fit)

@@ -368,7 +368,7 @@ class _Search:
             nearest = verdict if verdict.broken <= nearest.broken else nearest
             far, times = verdict.broken > FAR, verdict.add_points(solution.times)
             former = [] if solution.multipliers is None else solution.multipliers.apart
-            former = [each for each in former if solution.feasible or each.is_of_ball]
+            former = [x for x in former if solution.feasible or x.is_of_ball]
             apart = with_former(verdict.nearness.conditions(times), former)
             reaches_all = (full and not far) or solution.share > WHOLE
             shares = (1.0, 1.0) if reaches_all else (0.0, 1.0)
@@ -406,7 +406,8 @@ def _starts(
         columns = [leg.joint_names.index(name) for name in motion.joints]
         coefficients[:, columns] = splines.coefficients(motion.before, motion.after)
         solution = motion.solution
-        if solution is not None and np.array_equal(solution.coefficients, coefficients):
+        same = solution is not None and np.array_equal(solution.coefficients, coefficients)
+        if solution is not None and same and problem.continues(solution):
             yield solution.rest, solution
         yield coefficients[0], MotionSolution(coefficients[0], coefficients, share, times)
         return

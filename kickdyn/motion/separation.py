@@ -177,14 +177,14 @@ def with_former(new: Sequence[Conditions], former: Sequence[Conditions]) -> list
     one corner to the other.
     """
     merged = {conditions.joints: conditions for conditions in new}
-    for each in former:
-        joints, times, parameters, _ = each
+    for conditions in former:
+        joints, times, parameters, _ = conditions
         latest = merged.get(joints, Conditions(joints, np.zeros(0), np.zeros((9, 0))))
-        known = np.abs(times[:, None] - latest.times) < 1e-12
-        if each.is_of_ball:  # a point of a body must be out of it wherever the body is
+        replaced = np.abs(times[:, None] - latest.times) < 1e-12
+        if conditions.is_of_ball:  # a point of a body must be out of it wherever the body is
             apart = parameters[:3, :, None] - latest.parameters[:3, None]
-            known &= np.linalg.norm(apart, axis=0) < SAME_POINT
-        remaining = ~known.any(axis=1)
+            replaced &= np.linalg.norm(apart, axis=0) < SAME_POINT
+        remaining = ~replaced.any(axis=1)
         every = np.concatenate([latest.times, times[remaining]])
         order = np.argsort(every, kind="stable")
         stacked = np.hstack([latest.parameters, parameters[:, remaining]])

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +12,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.ground import Surface
@@ -70,7 +70,7 @@ def plan_kick(
     incoming: BallState | IncomingBall | None = None,
     limits: bool | str = True,
     surface: str | Surface | None = None,
-    motion: bool | str | Motion | RecordedMotion = False,
+    motion: Any = False,
 ) -> KickPlan:
     r"""Find posture and joint velocity that strike a ball at rest so that it meets a goal.
 
@@ -114,9 +114,10 @@ def plan_kick(
             `plan_pass`; the goal is then a time and a target at the height of the ball.
         motion: whether to plan the whole motion: from rest to the impact, and to rest again. It
             needs torque limits of all joints that move, and `pip install "kickdyn[motion]"`. With
-            `"both-feet"`, a standing robot starts and ends at rest on both feet. A motion of the
-            same robot, planned or read by `read_motion` with its time of the impact, is where the
-            search starts, and the only start.
+            `"both-feet"`, a standing robot starts and ends at rest on both feet. A `Motion` of the
+            same robot, or a `RecordedMotion` that `read_motion` has read with the time of its
+            impact, is where the search starts, and the only start. From a recorded motion, a
+            standing robot starts on one foot.
 
     A robot that stands on one foot kicks a ball that lies on the same ground, the plane z = 0. The
     foot lies on it as it does while all joints are at 0 and the base is upright; without a `sole`
@@ -160,10 +161,11 @@ def plan_kick(
     near = motion if isinstance(motion, Motion | RecordedMotion) else None
     if near is not None:
         _check_start(near, leg)
-    elif motion not in (True, False, BOTH_FEET):
+    elif not isinstance(motion, bool) and motion != BOTH_FEET:
         shown = validation.brief(motion)
         raise InvalidInput(
-            f"motion is {shown}: it must be True, False, {BOTH_FEET!r} or a motion to start from"
+            f"motion is {shown}: it must be True, False, {BOTH_FEET!r} or a motion to start from, "
+            "as plan.motion"
         )
     named = checked_objective(objective, limits=limits, motion=bool(motion))
     contact, position = checked_contact(contact), _checked_ball_position(ball_position)
@@ -187,7 +189,14 @@ def plan_kick(
             return task.kick(*solve_kick(problem, OBJECTIVES[named])).plan()
         both_feet = near.shift is not None if isinstance(near, Motion) else motion == BOTH_FEET
         chosen = _plan_motion(problem, near, both_feet=both_feet)
-        return task.plan(problem, chosen, task.strike(chosen))
+        try:
+            return task.plan(problem, chosen, task.strike(chosen))
+        except NoImpact:
+            if near is None:
+                raise
+            raise InvalidInput(
+                "no kick was found next to this motion: plan with motion=True"
+            ) from None
 
 
 def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None = None) -> KickPlan:
@@ -202,9 +211,9 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None =
     wished = validation.vector("velocity", velocity, 3, unit="m/s")
     ball, contact = plan.impact.ball, contact or plan.impact_target.contact
     leg, after = plan.leg, plan.impact.ball_after
-    position = None
-    if plan.ball_is_placed:
-        position = ball.radius if is_floating(leg) else plan.impact.ball_before.position
+    position = plan.ball_place
+    if position is not None and not is_floating(leg):
+        position = plan.impact.ball_before.position
     with one_thread():
         target = impact_target_for(wished, after.spin, ball, contact)
         problem = kick_problem(leg, target, position, limits=MUSCLES if plan.muscles else True)
@@ -270,8 +279,27 @@ def _check_start(motion: Motion | RecordedMotion, leg: Leg) -> None:
             f"motion has the joints {', '.join(mover.joint_names)}: one that a motion of "
             f"{leg.name} starts from has {', '.join(leg.joint_names)}"
         )
-    if isinstance(motion, RecordedMotion) and motion.contact is None:
-        raise InvalidInput("motion has no impact: read it with its time, read_motion(contact=)")
+    if isinstance(motion, RecordedMotion):
+        if motion.contact is None:
+            raise InvalidInput("motion has no impact: read it with its time, read_motion(contact=)")
+        if not (motion.begin < motion.contact < motion.end and np.isfinite(motion.q).all()):
+            raise InvalidInput(
+                f"motion has its impact at {motion.contact:g} s: it must be between its begin, "
+                f"{motion.begin:g} s, and its end, {motion.end:g} s, and all positions finite"
+            )
+        return
+    if not (np.isfinite(motion.before.c).all() and np.isfinite(motion.after.c).all()):
+        raise InvalidInput("motion has coefficients of splines that are not finite")
+    feet = [_feet(robot) for robot in (motion.robot, leg)]
+    if feet[0] != feet[1]:
+        raise InvalidInput(f"motion kicks with {feet[0]}, and the robot with {feet[1]}")
+
+
+def _feet(leg: Leg) -> str:
+    """Return which joint carries the contact frame, and what a robot stands on, as text."""
+    joint = leg.model.names[leg.contact_joint]
+    stands = ", ".join(support.frame for support in leg.supports)
+    return f"{joint} standing on {stands}" if stands else joint
 
 
 def _plan_motion(

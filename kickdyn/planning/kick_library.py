@@ -343,7 +343,7 @@ class KickLibrary(ReprMixin):
             speed_use=speed_use,
             torque_use=torque_use,
             binding=(),
-            ball_is_placed=True,
+            ball_place=impact.ball_before.position,
             heading=0.0,
             balance=None if standing is None else Balance(standing).distance(impact.posture),
             motion=motion,

@@ -75,8 +75,8 @@ class KickPlan(ReprMixin):
             `limits="muscles"`, it is 1 minus the least distance between a torque and the largest
             one at its speed, over the limit at rest.
         binding: limits that are reached, such as `torque of knee`.
-        ball_is_placed: whether the height of the ball was given. If not, the level of the ground
-            under a leg on a fixed base is not known.
+        ball_place: height of the ball's centre [m], or its position, shape `(3,)`, as it was given.
+            None if it was not: the level of the ground under a leg on a fixed base is not known.
         heading: angle by which `leg` is turned to the left about the vertical [rad]; 0 but for a
             leg whose foot moves in a plane, and a goal aside of it.
         moved: displacement of `leg` across its plane, after the turn by `heading`, to a ball beside
@@ -102,7 +102,7 @@ class KickPlan(ReprMixin):
     speed_use: float
     torque_use: float
     binding: tuple[str, ...]
-    ball_is_placed: bool
+    ball_place: float | Array | None
     heading: float
     moved: Array = field(default_factory=lambda: validation.read_only(np.zeros(3)))
     balance: float | None = None
@@ -348,7 +348,7 @@ def check_overlaps_at_impact(plan: KickPlan) -> Iterator[tuple[PlanStatus, Seque
             else "another time or place of the meeting, or lower ground, can avoid this"
         )
     other_point = "another contact point (offset, --offset) or a flatter launch can avoid this"
-    on_ground = PlanStatus.COLLIDES if plan.ball_is_placed else PlanStatus.MET
+    on_ground = PlanStatus.COLLIDES if plan.ball_place is not None else PlanStatus.MET
     overlaps: Sequence[tuple[Overlaps, str, str, PlanStatus]] = (
         (_in_ball, "inside the ball", other_point, PlanStatus.COLLIDES),
         (_in_each_other, "inside each other", OTHER_POSTURE, PlanStatus.COLLIDES),
@@ -373,7 +373,7 @@ def check_overlaps_in_motion(plan: KickPlan) -> Iterator[Sequence[str]]:
     yield _in_motion(plan, _in_each_other, "inside each other in the motion", locked, times)
     yield _in_motion(plan, _in_ball, "inside the ball before the impact", goal, swing)
     yield check_ball_overlap_after(plan)
-    if plan.ball_is_placed:
+    if plan.ball_place is not None:
         yield _in_motion(plan, _under_ground, "under the ground in the motion", other, times)
 
 

@@ -320,7 +320,7 @@ class ImpactTask:
             impact_target=self.target,
             impact=impact,
             path=path,
-            ball_is_placed=self.place is not None,
+            ball_place=self.place,
             heading=problem.heading,
             moved=problem.moved,
             meeting=meeting,

@@ -231,8 +231,8 @@ def run_in_mujoco(
     The robot stands on the corners of its sole, its kicking foot may step on the floor, unless it
     begins more than 5 mm under the ground, and nothing else collides. The ball is fixed where it
     lies until the foot touches it. From where it has left the foot, `fly`, or `follow`, computes
-    its path with air, bounces and rolling; MuJoCo has none of them, and they are too small to count
-    during the contact.
+    its path with air, bounces and rolling. This model of MuJoCo has no air, and its ball does not
+    touch the floor, which hardly counts during the contact.
 
     With a seed, the robot is not the one of the plan: masses of its bodies, friction of ground and
     ball, and the place of the ball differ at random, and commands reach the drives late.

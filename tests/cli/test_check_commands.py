@@ -375,15 +375,3 @@ def test_bad_input_is_one_line(words, said, swing, kickdyn):
     lines = [line for line in ended.err.splitlines() if not line.startswith("warning: ")]
     assert len(lines) == 1
     assert said in lines[0]
-
-
-@pytest.mark.slow
-def test_a_robot_has_all_its_joints_and_a_floating_base(kickdyn, written):
-    """G1 stands upright, 0.8 m above the ground."""
-    robot = kd.Leg.from_robot("g1", base="floating")
-    q = robot.configuration()
-    q[2] = 0.8
-    written("still.csv", "\n".join([",".join(map(repr, q.tolist()))] * 12))
-    document = kickdyn("check-motion still.csv --leg g1 --rate 50 --json -").json
-    assert document["best"] is None
-    assert len(document["status"]) == 12

@@ -1,5 +1,6 @@
 """Planned motions and shifts of the weight, against Pinocchio and an integrator."""
 
+import copy
 import re
 from dataclasses import replace
 from itertools import pairwise
@@ -183,11 +184,28 @@ def test_the_splines_of_a_recorded_motion_are_those_it_was_sampled_from(task):
 
 
 def test_a_motion_that_a_plan_cannot_start_from_is_refused():
-    motion, other = as_recorded(swinging().motion), kd.Leg.human(height=1.8, mass=75, model="3d")
-    for change, named in (({"leg": other}, "hip_adduction.*has hip, knee, ankle"),
-                          ({"contact": None}, "no impact.*contact=")):  # fmt: skip
+    planned, other = swinging().motion, kd.Leg.human(height=1.8, mass=75, model="3d")
+    recorded, spoilt = as_recorded(planned), copy.deepcopy(planned.before)
+    spoilt.c[3] = np.nan
+    for motion, change, named in (
+        (recorded, {"leg": other}, "hip_adduction.*has hip, knee, ankle"),
+        (recorded, {"contact": None}, "no impact.*contact="),
+        (recorded, {"contact": recorded.end}, "its impact at .* between"),
+        (planned, {"before": spoilt}, "not finite"),
+        (planned, {"robot": replace(HUMAN, frame="shank")}, "kicks with"),
+    ):
         with pytest.raises(kd.InvalidInput, match=named):
             kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, motion=replace(motion, **change))
+
+
+def test_a_motion_of_other_limits_can_be_started_from():
+    """The program of muscles has other rows at each point."""
+    leg, motion = kd.Leg.human(height=1.8, mass=75), True
+    for limits in ("muscles", True, "muscles"):
+        plan = kd.plan_kick(leg, kd.Goal(9, time=0.8), BALL, AIR, limits=limits, motion=motion)
+        assert plan.muscles == (limits == "muscles")
+        assert plan.share == 1.0
+        motion = plan.motion
 
 
 @pytest.fixture(scope="module")

@@ -289,12 +289,6 @@ def test_a_bad_file_is_one_line(name, content, said, kickdyn, tmp_path):
     assert kickdyn(f"check {name} --json -", code=2).json["problems"]
 
 
-def test_a_fault_of_an_included_file_names_it(written):
-    written("empty.xml", "")
-    file = written("robot.xml", '<mujoco><include file="empty.xml"/></mujoco>')
-    assert kd.check(file).problems == (f"{file} includes 'empty.xml', which: is empty",)
-
-
 def test_folders_and_names_that_no_file_has_are_refused(tmp_path):
     for name in (tmp_path, "nul\0.csv", "x" * 5000 + ".csv", "/dev/zero"):
         assert len(kd.check(name).problems) == 1, name

@@ -161,7 +161,9 @@ def plan_kick(
     near = motion if isinstance(motion, Motion | RecordedMotion) else None
     if near is not None:
         _check_start(near, leg)
-    elif not isinstance(motion, bool) and motion != BOTH_FEET:
+    elif not isinstance(motion, bool | np.bool_) and not (
+        isinstance(motion, str) and motion == BOTH_FEET
+    ):
         shown = validation.brief(motion)
         raise InvalidInput(
             f"motion is {shown}: it must be True, False, {BOTH_FEET!r} or a motion to start from, "

@@ -58,8 +58,7 @@ def test_a_document_has_the_numbers_of_the_simulation(name, tolerance, kickdyn):
     for key, right in right_numbers(answer).items():
         assert document[key] == about(right), key
     effects = {entry.pop("effect"): entry for entry in document["effects"]}
-    sizes = about(dict(answer.effect_sizes))
-    assert {key: entry["size"] for key, entry in effects.items()} == sizes
+    assert {key: entry["size"] for key, entry in effects.items()} == about({**answer.effect_sizes})
     for key, entry in effects.items():
         assert entry["seconds"] >= 0.0
         assert entry["modelled"] == (key in answer.modelled) == (key not in answer.neglected)

@@ -199,7 +199,6 @@ def test_a_motion_that_a_plan_cannot_start_from_is_refused():
 
 
 def test_a_motion_of_other_limits_can_be_started_from():
-    """The program of muscles has other rows at each point."""
     leg, motion = kd.Leg.human(height=1.8, mass=75), True
     for limits in ("muscles", True, "muscles"):
         plan = kd.plan_kick(leg, kd.Goal(9, time=0.8), BALL, AIR, limits=limits, motion=motion)

@@ -89,7 +89,7 @@ def configurations(leg: Leg, root: Array, joints: Array) -> Array:
 def positions_of(leg: Leg, q: Array) -> Array:
     """Return the positions of `file_joints` in configurations over time, shape `(k, n)` [rad; m].
 
-    Those of continuous joints are without jumps.
+    Angles of continuous joints are unwrapped.
     """
     names, model = file_joints(leg), leg.model
     values = [leg.joint_values(row) for row in q]

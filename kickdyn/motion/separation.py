@@ -173,8 +173,8 @@ def with_former(new: Sequence[Conditions], former: Sequence[Conditions]) -> list
     """Return conditions with those former ones for whose joints there are none at that time.
 
     A solution that kept these would otherwise return to where bodies are inside each other. Former
-    points that must be out of the ball stay beside new ones: else a foot with corners turns from
-    one corner to the other.
+    points that must be out of the ball stay beside new ones. Otherwise the solutions of a foot with
+    corners can alternate, each with another corner inside the ball.
     """
     merged = {conditions.joints: conditions for conditions in new}
     for conditions in former:
@@ -182,8 +182,8 @@ def with_former(new: Sequence[Conditions], former: Sequence[Conditions]) -> list
         latest = merged.get(joints, Conditions(joints, np.zeros(0), np.zeros((9, 0))))
         replaced = np.abs(times[:, None] - latest.times) < 1e-12
         if conditions.is_of_ball:  # a point of a body must be out of it wherever the body is
-            apart = parameters[:3, :, None] - latest.parameters[:3, None]
-            replaced &= np.linalg.norm(apart, axis=0) < SAME_POINT
+            offsets = parameters[:3, :, None] - latest.parameters[:3, None]
+            replaced &= np.linalg.norm(offsets, axis=0) < SAME_POINT
         remaining = ~replaced.any(axis=1)
         every = np.concatenate([latest.times, times[remaining]])
         order = np.argsort(every, kind="stable")

@@ -24,8 +24,8 @@ from kickdyn.robot.striking_shapes import (
 )
 
 DISPLACEMENT = 0.01
-"""Displacement of the ball [m]. The facets of a hull are smaller, and the face of a box is larger:
-a derivative would be that of one facet."""
+"""Displacement of the ball [m]. It is larger than a facet of a mesh, to which alone a derivative
+would refer, and smaller than the face of a box."""
 
 SWEPT = 0.05
 """Distance that the foot moves along the normal before and after the planned impact, in which the
@@ -108,7 +108,7 @@ def sensitivity_to_ball(impact: Impact, motion: Motion | None) -> BallSensitivit
 
 
 def _change(velocity: Array, other: Array | None) -> LaunchChange:
-    """Return the change from one velocity of the ball to another one; None is of a missed ball."""
+    """Return the change from one velocity of the ball to another one; None stands for a ball that is missed."""
     if other is None:
         return LaunchChange(math.inf, math.inf)
     sine = float(np.linalg.norm(np.cross(velocity, other)))

@@ -230,7 +230,7 @@ class KickPlan(ReprMixin):
 
     @cached_property
     def sensitivity_to_ball(self) -> BallSensitivity | None:
-        """Change of the launch if the ball lies 1 cm from its place; None of a trap.
+        """Change of the launch if the ball lies 1 cm from its place; None for a trap.
 
         The ball is displaced along and across the horizontal direction of the launch, to either
         side, and the larger change of direction, and of speed, counts. The foot moves as planned,

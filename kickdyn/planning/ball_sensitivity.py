@@ -108,7 +108,7 @@ def sensitivity_to_ball(impact: Impact, motion: Motion | None) -> BallSensitivit
 
 
 def _change(velocity: Array, other: Array | None) -> LaunchChange:
-    """Return the change from one velocity of the ball to another one, infinite for a missed ball."""
+    """Return the change from one velocity of the ball to another, infinite for a missed ball."""
     if other is None:
         return LaunchChange(math.inf, math.inf)
     sine = float(np.linalg.norm(np.cross(velocity, other)))

@@ -22,6 +22,7 @@ from kickdyn.core.lanes import (
     sine_and_cosine,
     smaller,
     spread,
+    square_root,
 )
 from kickdyn.impact import newton_law
 from kickdyn.impact.newton_law import (
@@ -83,6 +84,10 @@ LEAST_SHARE = 1e-12
 LEAST_RESISTANCE = 1e-10
 """Share of its mobility along the normal that a contact must resist with, or it is doubtful."""
 
+BORDER, CONVERGED = 1e-9, 1e-8
+"""Share by which the impulse for sticking must lie outside the cone, and the last turn [rad] of
+Newton's method, for `slip_batch` to have found the direction of slip."""
+
 jitable(slip_impulse), jitable(slip_conic), jitable(meet_circle)
 inlined(stick_impulse), inlined(energy_lost)
 
@@ -133,6 +138,64 @@ def solve_newton_batch(state, ball, u, contact, least):  # type: ignore[no-untyp
     recedes = spread(0.0) + u[2] >= 0.0
     state.slips = choose(sticks | level | recedes, 0.0, choose(sound, 1.0, spread(0.0)))
     return choose(sticks, 1.0, spread(0.0))
+
+
+@jitable
+def slip_batch(state, ball, u, contact):  # type: ignore[no-untyped-def]
+    r"""Fill in the impulse where the points slip and only one direction of slip is possible.
+
+    Friction along the unit vector :math:`c` slows the sliding at the rate
+    :math:`\lambda \ge 0`, relative to the resistance to it, if
+
+    .. math:: M c + d = -\lambda c, \quad
+              M = \mu\, (u_t g_n^T - f G_t), \quad d = g_{nn} u_t - f g_n, \quad
+              f = (1 + e)\, u_n .
+
+    Eliminating :math:`c` leaves a polynomial of fourth degree in :math:`\lambda`. Where the signs
+    of its coefficients change once, it has one positive root (Descartes' rule), so that whatever
+    direction Newton's method finds is the direction. `slips` remains set elsewhere.
+
+    Args:
+        state: with the Delassus matrix of the foot.
+        ball: mobility of the ball across and along the normal [1/kg].
+        u: velocity of the ball over the foot [m/s].
+        contact: restitution and friction.
+    """
+    (e, mu), (u1, u2, u3) = contact, u
+    g11, g12, g22, g13, g23, g33 = with_ball(state.delassus, ball)
+    f = (1.0 + e) * u3
+    m11, m12 = mu * (u1 * g13 - f * g11), mu * (u1 * g23 - f * g12)
+    m21, m22 = mu * (u2 * g13 - f * g12), mu * (u2 * g23 - f * g22)
+    d1, d2 = g33 * u1 - f * g13, g33 * u2 - f * g23
+    trace, det, square = m11 + m22, m11 * m22 - m12 * m21, d1 * d1 + d2 * d2
+    a1, a2 = m22 * d1 - m12 * d2, m11 * d2 - m21 * d1
+    second, third = trace * trace + 2.0 * det - square, trace * det - (d1 * a1 + d2 * a2)
+    single = (trace >= 0.0) & ((second >= 0.0) | (third <= 0.0))
+    single = single | ((second <= 0.0) & (third <= 0.0))
+    single = single & (a1 * a1 + a2 * a2 > (1.0 + BORDER) * (det * det))
+    rate = larger(square_root(square) - 0.5 * trace, 0.0)  # exact if friction acts alike all round
+    c, s = a1 + rate * d1, a2 + rate * d2
+    size = -1.0 / square_root(c * c + s * s)
+    c, s, turn = c * size, s * size, spread(0.0)
+    for _ in range(5):
+        x, y = m11 * c + m12 * s + d1, m21 * c + m22 * s + d2
+        slope = c * (m22 * c - m21 * s - x) + s * (m11 * s - m12 * c - y)
+        turn = (s * x - c * y) / slope
+        c, s = c - s * turn, s + c * turn
+        size = 1.5 - 0.5 * (c * c + s * s)  # 1 over the length, but for squares of the turn's
+        c, s = c * size, s * size
+    resistance = mu * (g13 * c + g23 * s) + g33
+    p = (0.0 - f) / resistance
+    x, y = p * (mu * (g11 * c + g12 * s) + g13) + u1, p * (mu * (g12 * c + g22 * s) + g23) + u2
+    enough = resistance > 0.01 * (mu * (magnitude(g13) + magnitude(g23)) + g33)
+    converged = magnitude(turn) + magnitude(size - 1.0) <= CONVERGED
+    found = (state.slips > 0.0) & single & enough & converged & (c * x + s * y <= 0.0)
+    impulse = mu * p * c, mu * p * s, p
+    for i in range(3):
+        state.impulse[i] = choose(found, impulse[i], state.impulse[i])
+    lost = energy_lost(impulse, u, (x, y), e)
+    state.energy_lost = choose(found, lost, state.energy_lost)
+    state.slips = choose(found, 0.0, state.slips)
 
 
 @inlined
@@ -213,6 +276,7 @@ def strike_batch(tree, frames, senses, task, given, given_floats, g, memory):  #
     contact = given[RESTITUTION, g], given[FRICTION, g]
     ball = inverse + turning, inverse
     sticks = solve_newton_batch(state, ball, (u1, u2, u3), contact, LEAST_SHARE)
+    slip_batch(state, ball, (u1, u2, u3), contact)
     for i in range(floats.slips.size):
         if floats.slips[i] > 0.0:
             _slip(floats, given_floats, g, i)

@@ -32,7 +32,7 @@ from kickdyn.core.lanes import (
 from kickdyn.core.validation import Array
 from kickdyn.impact import contact_motion, newton_law, strike_kernel
 from kickdyn.impact.contact_motion import contact_axes, slip_direction
-from kickdyn.impact.strike_kernel import slip_of_lane, solve_newton_batch, with_ball
+from kickdyn.impact.strike_kernel import slip_batch, slip_of_lane, solve_newton_batch, with_ball
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.tree_kernel import (
@@ -278,6 +278,7 @@ def solve_postures(tree, bodies, inertia, task, state, floats, answer, c):  # ty
     contact = task.restitution, task.friction
     solve_newton_batch(state, ball, u, contact, LEAST_DIFFERENCE)
     if not task.planar:
+        slip_batch(state, ball, u, contact)
         for i in range(floats.slips.size):
             if floats.slips[i] > 0.0:  # one direction is possible
                 g, mu = with_ball(floats.delassus[:, i], ball), task.friction

@@ -46,9 +46,7 @@ OPTIONS = {
     f"{TO} --offset 0.02,0,0.01 --ball-height -0.65": {
         "contact": contact(offset=(0.02, 0, 0.01)), "ball_position": -0.65
     },
-    f"{TO} --ball 0.3:0.1 --ball-height -0.65": {
-        "ball": kd.Ball(0.3, 0.1), "ball_position": -0.65
-    },
+    f"{TO} --ball 0.3:0.1 --ball-height -0.65": {"ball": kd.Ball(0.3, 0.1), "ball_position": -0.65},
     f"{TO} --air none": {"air": None},
     f"{TO} --drag 0.35": {"air": kd.Air(drag=0.35)},
     f"{TO} --wind 2,0,0": {"air": kd.Air(wind=(2, 0, 0))},

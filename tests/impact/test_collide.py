@@ -4,18 +4,9 @@ import copy
 import math
 import pickle
 
+import chains
 import numpy as np
 import pytest
-from chains import (
-    floating_kick,
-    fourbar,
-    in_units,
-    kinetic_energy,
-    momentum,
-    rails,
-    random_kick,
-    random_leg,
-)
 from scipy.integrate import solve_ivp
 from tolerances import agrees, closed_form, integrated
 
@@ -37,7 +28,7 @@ def human(contact=TOUCH, ball=None, **options):
 def test_two_masses(e):
     """Hertz's crush (5 m u^2 / 4 k)^(2/5) and pulse; restitution and contact time are exact."""
     ball, speed, tolerance = kd.Ball(), 9.0, integrated(1e-11)
-    kick = rails().posture([0.0]), [speed], ball, kd.Contact(AHEAD, e)
+    kick = chains.rails().posture([0.0]), [speed], ball, kd.Contact(AHEAD, e)
     collision = kd.collide(*kick, contact_time=0.009, tol=1e-12)
     mass, k = 1 / (1 / 2.0 + 1 / ball.mass), collision.force_model.stiffness
     crush = (5 * mass * speed**2 / (4 * k)) ** 0.4
@@ -59,7 +50,7 @@ def test_two_masses(e):
 def test_an_inflated_ball_is_a_linear_spring(e):
     """Half a sine in compression, e times as brief a one in restitution."""
     ball, speed, tolerance = kd.Ball(pressure=80e3), 9.0, integrated(1e-11)
-    kick = rails().posture([0.0]), [speed], ball, kd.Contact(AHEAD, e)
+    kick = chains.rails().posture([0.0]), [speed], ball, kd.Contact(AHEAD, e)
     collision = kd.collide(*kick, stiffness="pressure", tol=1e-12)
     mass, k = 1 / (1 / 2.0 + 1 / ball.mass), 2 * math.pi * ball.radius * 80e3
     rate = math.sqrt(k / mass)
@@ -75,7 +66,7 @@ def test_an_inflated_ball_is_a_linear_spring(e):
 
 def test_gravity_and_torque_act_meanwhile():
     """On the rail both are constant: centre of mass and relative motion follow by hand."""
-    ball, push, leg = kd.Ball(), 30.0, rails(gravity=True)
+    ball, push, leg = kd.Ball(), 30.0, chains.rails(gravity=True)
     collision = kd.collide(leg.posture([0.0]), [5.0], ball, kd.Contact(AHEAD, 1), torque=[push])
     time, after = collision.contact_time, collision.ball_after
     assert after.velocity[2] == pytest.approx(-9.81 * time, rel=integrated(1e-9))
@@ -91,7 +82,7 @@ def test_friction_by_an_implicit_integrator(friction):
     ball, mass, e, v = kd.Ball(), 2.0, 0.6, [9.0, 1.0, 3.0]
     contact = kd.Contact((1, 0.2, 0.6), e, friction)
     motion = {"ball_velocity": (-2.0, 0.5, 1.0), "ball_spin": (20.0, 50.0, -30.0)}
-    kick = rails("xyz", mass).posture([0.0] * 3), v, ball, contact
+    kick = chains.rails("xyz", mass).posture([0.0] * 3), v, ball, contact
     collision = kd.collide(*kick, **motion, tol=1e-9)
     n, k = contact.normal, collision.force_model.stiffness
 
@@ -135,18 +126,18 @@ def test_friction_by_an_implicit_integrator(friction):
 def test_a_free_leg_and_the_ball_keep_momentum_and_energy(seed, friction):
     """Linear and angular, about the origin: force and lever arm are opposite and equal."""
     rng = np.random.default_rng(seed)
-    (posture, v, ball, contact), options = floating_kick(rng)
+    (posture, v, ball, contact), options = chains.floating_kick(rng)
     contact = kd.Contact(contact.normal, max(contact.restitution, 0.1), friction)
-    leg = in_units(posture.leg, 1.0, 1.0)  # without gravity
+    leg = chains.in_units(posture.leg, 1.0, 1.0)  # without gravity
     collision = kd.collide(leg.posture(posture.q), v, ball, contact, **options)
-    before = momentum(leg, posture.q, v, ball, collision.ball_before)
-    after = momentum(leg, collision.q_after, collision.v_after, ball, collision.ball_after)
+    before = chains.momentum(leg, posture.q, v, ball, collision.ball_before)
+    after = chains.momentum(leg, collision.q_after, collision.v_after, ball, collision.ball_after)
     agrees(after, before, integrated(1e-8))
     turned = np.linalg.norm(collision.ball_after.spin - collision.ball_before.spin)
     assert bool(turned > 0.1) is (friction > 0)
-    energy = kinetic_energy(leg.posture(posture.q), v, ball, collision.ball_before)
+    energy = chains.kinetic_energy(leg.posture(posture.q), v, ball, collision.ball_before)
     left = leg.posture(collision.q_after), collision.v_after, ball, collision.ball_after
-    lost = energy - kinetic_energy(*left)
+    lost = energy - chains.kinetic_energy(*left)
     assert 0 < collision.energy_lost == pytest.approx(lost, abs=integrated(1e-8) * energy)
 
 
@@ -155,8 +146,10 @@ def test_energy_is_accounted_for(seed):
     """With torques, rotors, both springs, friction, and a particle whose spin stays."""
     rng = np.random.default_rng(seed)
     e, friction = rng.uniform(0.1, 1), 0.3 * (seed % 2)
-    leg = LEG.with_armature({"hip": 0.3, "knee": 0.2}) if seed == 0 else random_leg(rng)
-    (posture, v, ball, contact), options = random_kick(rng, leg, restitution=e, friction=friction)
+    leg = LEG.with_armature({"hip": 0.3, "knee": 0.2}) if seed == 0 else chains.random_leg(rng)
+    (posture, v, ball, contact), options = chains.random_kick(
+        rng, leg, restitution=e, friction=friction
+    )
     ball = kd.Ball(ball.mass, ball.radius, math.inf if seed == 5 else 2 / 3, pressure=9e5)
     stiffness = "pressure" if seed == 1 else 10 ** rng.uniform(6, 9)
     collision = kd.collide(
@@ -171,7 +164,7 @@ def test_energy_is_accounted_for(seed):
 
 def test_the_energy_residual_is_the_energy_that_is_missing():
     """At a tolerance so loose that it is far above rounding; the spring is slack at the end."""
-    ball, kick = kd.Ball(), (rails().posture([0.0]), [9.0])
+    ball, kick = kd.Ball(), (chains.rails().posture([0.0]), [9.0])
     collision = kd.collide(*kick, ball, kd.Contact(AHEAD, 0.5), tol=1e-3)
     after = 0.5 * (2.0 * collision.v_after[0] ** 2 + ball.mass * collision.ball_after.speed**2)
     missing = abs(0.5 * 2.0 * 9.0**2 - collision.energy_lost - after)
@@ -186,7 +179,7 @@ def test_pressed_twice():
     def push(t, q, v):
         return [8000.0 * math.exp(-(((t - 0.009) / 0.0015) ** 2))]
 
-    kick = rails().posture([0.0]), [5.0], kd.Ball(), kd.Contact(AHEAD, 0.6)
+    kick = chains.rails().posture([0.0]), [5.0], kd.Ball(), kd.Contact(AHEAD, 0.6)
     collision = kd.collide(*kick, contact_time=0.009, torque=push, tol=1e-11)
     deflection = collision.sample(np.linspace(0, collision.contact_time, 400)).deflection
     first, second = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) < 0)
@@ -199,8 +192,8 @@ def test_pressed_twice():
 
 LIMITS = {
     "human": ((*KICK, kd.Ball(), TOUCH), {}, "newton"),
-    "chain": (*random_kick(np.random.default_rng(1), random_leg(np.random.default_rng(1)),
-                           restitution=0.6), "newton"),
+    "chain": (*chains.random_kick(np.random.default_rng(1),
+              chains.random_leg(np.random.default_rng(1)), restitution=0.6), "newton"),
     "slip": ((*KICK, kd.Ball(), kd.Contact((1, 0, 0.6), 0.5, 0.1)), {}, "newton"),
     "stick": ((*KICK, kd.Ball(), kd.Contact((1, 0, 0.6), 0.5, 0.8)), {}, "stronge"),
 }  # fmt: skip
@@ -224,7 +217,7 @@ BOLT = kd.Leg.from_robot("bolt", base="floating")
 HELD = {
     "sole": BOLT.with_supports("FL_FOOT"),
     "point": BOLT.with_supports(kd.Support("FL_FOOT", point=True)),
-    "loop": fourbar(),
+    "loop": chains.fourbar(),
 }
 
 
@@ -279,7 +272,7 @@ def test_the_error_is_no_less_than_estimated(tol):
 @pytest.mark.parametrize(("speed", "pull"), [(2e-6, 0), (2e-6, 9), (3e-4, 900), (0.03, 30)])
 def test_a_foot_that_grazes_the_ball(speed, pull):
     """It slides at 10 m/s and is pulled back: a linear spring has d'' = -w^2 d - a."""
-    ball, leg, contact = kd.Ball(pressure=80e3), rails("xy"), kd.Contact(AHEAD, 0.1, 0.3)
+    ball, leg, contact = kd.Ball(pressure=80e3), chains.rails("xy"), kd.Contact(AHEAD, 0.1, 0.3)
     w, x = math.sqrt(ball.stiffness * (0.5 + 1 / ball.mass)), 2.0 * math.atan2(1.0, pull)
     exact = 2.0 * math.sin(x / 2) ** 2 - pull * (x - math.sin(x))  # x: w T, where e is 1
     kick = leg.posture([0.0, 0.0]), [speed, 10.0], ball, contact

@@ -11,24 +11,14 @@ from hypothesis import strategies as st
 from tolerances import agrees, closed_form
 
 import kickdyn as kd
-from kickdyn.robot.standing import (
-    StandingRobot,
-    _faces,
-    _levelled,
-    _sole,
-    hold_support,
-    kicking_chain,
-    lock_idle_mimics,
-    rest_configuration,
-    sole_edges,
-    with_angles,
-)
+from kickdyn.robot import standing as module
+from kickdyn.robot.standing import StandingRobot
 
 G1_FIXED = kd.Leg.from_robot("g1")
 
 
 def test_the_chain_of_a_robot_is_its_leg():
-    chain = kicking_chain(G1_FIXED)
+    chain = module.kicking_chain(G1_FIXED)
     assert chain.leg.joint_names == tuple(G1_FIXED.joint_names[i] for i in chain.vs)
     assert [name.startswith("right_") for name in chain.leg.joint_names] == [True] * 6
     assert G1_FIXED.lower[chain.qs].tolist() == chain.leg.lower.tolist()
@@ -50,7 +40,7 @@ def test_the_chain_of_a_robot_is_its_leg():
 
 def test_joints_that_are_taken_out_may_be_elsewhere():
     others = {"left_elbow_joint": 0.4, "left_hip_roll_joint": 0.2}
-    chain = kicking_chain(G1_FIXED, others=others).leg
+    chain = module.kicking_chain(G1_FIXED, others=others).leg
     whole = G1_FIXED.configuration(others)
     for frame in ("left_ankle_roll_link", "left_rubber_hand"):
         places = []
@@ -72,7 +62,7 @@ def test_branches_are_kept_where_an_impact_moves_them():
     add_body(model, 1, pin.JointModelRY(), "pendulum on the thigh")
     add_body(model, 0, pin.JointModelSpherical(), "arm on the base")
     robot = kd.Leg.from_model(model, "toe")
-    without, with_branch = kicking_chain(robot), kicking_chain(robot, branches=True)
+    without, with_branch = (module.kicking_chain(robot, branches=b) for b in (False, True))
     assert without.leg.joint_names == ("hip", "knee", "ankle")
     assert with_branch.leg.joint_names == ("hip", "knee", "ankle", "pendulum on the thigh")
     n, q = (1.0, 0.0, 0.0), np.array([0.0, 0.3, 0.0, 0.0])
@@ -83,7 +73,7 @@ def test_branches_are_kept_where_an_impact_moves_them():
 
 def test_continuous_joints_by_angles_are_the_same_robot():
     robot = floating_leg(np.random.default_rng(3)).with_armature({"hip": 0.2})
-    angles = with_angles(robot)
+    angles = module.with_angles(robot)
     assert (robot.nq, angles.nq, angles.nv) == (9 + 1, 9, robot.nv)
     q = [0.1, 0.2, 0.3, 0.0, 0.6, 0.0, 0.8, 2.0, -0.4]
     one, other = robot.posture(q), angles.posture(q)
@@ -91,7 +81,7 @@ def test_continuous_joints_by_angles_are_the_same_robot():
         agrees(getattr(other, name), getattr(one, name), closed_form())
     assert angles.joint_range("hip") == (-math.pi, math.pi)
     assert angles.velocity_limit.tolist() == robot.velocity_limit.tolist()
-    assert with_angles(G1_FIXED) is G1_FIXED
+    assert module.with_angles(G1_FIXED) is G1_FIXED
 
 
 def test_joints_outside_the_chain_rest_at_the_nearest_value_in_their_range():
@@ -107,16 +97,16 @@ def test_joints_outside_the_chain_rest_at_the_nearest_value_in_their_range():
     model.lowerPositionLimit, model.upperPositionLimit = lower, upper
     model.addFrame(pin.Frame("hand", 8, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     robot = kd.Leg.from_model(model, "hand")
-    rest = rest_configuration(robot)
+    rest = module.rest_configuration(robot)
     assert rest.tolist() == [0, 0, 0, 0.25, -0.5, 1, 0, 0, 0, 0, 1, 0]
-    q, v = kicking_chain(robot).robot_state(robot, np.array([0.5]), np.array([2.0]))
+    q, v = module.kicking_chain(robot).robot_state(robot, np.array([0.5]), np.array([2.0]))
     assert q.tolist() == [*rest[:-1], 0.5]
     assert v.tolist() == [*np.zeros(robot.nv - 1), 2.0]
 
 
 def test_a_floating_base_is_refused():
     with pytest.raises(kd.InvalidInput, match=r"'root_joint' .* base must be fixed"):
-        kicking_chain(kd.Leg.from_robot("g1", base="floating"))
+        module.kicking_chain(kd.Leg.from_robot("g1", base="floating"))
 
 
 FOOT = "left_ankle_roll_link"
@@ -222,7 +212,7 @@ def test_the_sole_of_round_feet_is_cut_out_of_their_spheres(tmp_path):
     assert standing.sole[:, 0].max() == pytest.approx(0.2 + low, rel=closed_form(1e4))
     assert standing.sole[:, 1].max() == pytest.approx(0.3 + 0.1 + high, rel=closed_form(1e4))
     assert standing.placement.translation == pytest.approx([0, 0.3, 0.05])
-    normals, offsets = sole_edges(standing)  # n x <= offset inside
+    normals, offsets = module.sole_edges(standing)  # n x <= offset inside
     middle = standing.sole.mean(axis=0)
     assert (normals @ middle < offsets).all()
     farthest = (normals @ standing.sole.T).max(axis=1)
@@ -240,8 +230,8 @@ def with_pad(robot):
 def test_the_sole_in_a_turned_frame_is_the_same(tmp_path):
     robot = biped(tmp_path, VISUAL.format(0, 0.02, -0.05, '<box size="0.2 0.08 0.02"/>'))
     padded, pad, place = with_pad(robot)
-    turned = _sole(padded, kd.Support("pad"), pad, place.rotation)
-    sole = _sole(robot, kd.Support("left"), robot.model.getFrameId("left"), np.eye(3))
+    turned = module._sole(padded, kd.Support("pad"), pad, place.rotation)
+    sole = module._sole(robot, kd.Support("left"), robot.model.getFrameId("left"), np.eye(3))
     agrees(turned @ place.rotation.T + place.translation, sole, closed_form(10))
     robots = [one.with_supports(FOOT) for one in (G1, kd.kick_with(G1, "instep"))]
     poses = [StandingRobot(one).kicking_foot().pose.homogeneous for one in robots]
@@ -269,14 +259,14 @@ def test_a_foot_stands_on_its_largest_face_within_30_degrees_of_the_ground(tmp_p
     sizes, degrees = np.array([0.2, 0.08, 0.3]), np.radians([5.0, 25.0, 35.0])
     robot = biped(tmp_path, VISUAL.format(0, 0, -0.05, '<box size="0.2 0.08 0.3"/>'))
     robot, pad, place = with_pad(robot)
-    normals, areas = _faces(robot, pad)
+    normals, areas = module._faces(robot, pad)
     along = np.abs(normals @ place.rotation.T)
     agrees(along.max(axis=1), np.ones(len(along)), closed_form(10))
     axes = along.argmax(axis=1)
     assert set(axes) == {0, 1, 2}
     agrees(areas, np.prod(sizes) / sizes[axes], closed_form(10))
     tilted = np.column_stack([np.sin(degrees), np.zeros(3), -np.cos(degrees)])
-    level = _levelled(np.eye(3), tilted, np.array([1.0, 2.0, 3.0]))
+    level = module._levelled(np.eye(3), tilted, np.array([1.0, 2.0, 3.0]))
     agrees(level @ tilted[1], [0.0, 0.0, -1.0], closed_form())
 
 
@@ -285,23 +275,23 @@ def test_a_supported_foot_stays_while_the_joints_move():
     posture = robot.posture(robot.configuration())
     bent = robot.configuration({"left_knee_joint": 0.7, "right_hip_pitch_joint": -1.0})
     bent[:7] = 0.3, -0.2, 0.5, 0.0, 0.6, 0.0, 0.8  # wherever its base is
-    held, data, feet = hold_support(posture, bent), robot.model.createData(), []
+    held, data, feet = module.hold_support(posture, bent), robot.model.createData(), []
     for q in (posture.q, held):
         pin.framesForwardKinematics(robot.model, data, q)
         feet.append(data.oMf[robot.model.getFrameId(FOOT)].homogeneous)
     np.testing.assert_allclose(feet[1], feet[0], atol=closed_form(10))
     assert held[7:].tolist() == bent[7:].tolist()
-    assert hold_support(G1.posture(G1.configuration()), bent) is bent
+    assert module.hold_support(G1.posture(G1.configuration()), bent) is bent
 
 
 def test_mimic_joints_of_neither_leg_are_locked_at_rest(leg_with_arm):
-    leg = lock_idle_mimics(kd.Leg.from_urdf(leg_with_arm))
+    leg = module.lock_idle_mimics(kd.Leg.from_urdf(leg_with_arm))
     assert (leg.joint_names, leg.mimics) == (("hip", "knee", "ankle"), ())
     busy = kd.Leg.from_urdf(leg_with_arm, "elbow_link")
-    assert lock_idle_mimics(busy).mimics == busy.mimics
+    assert module.lock_idle_mimics(busy).mimics == busy.mimics
     leg_with_arm.write_text(leg_with_arm.read_text().replace('lower="-1"', 'lower="0.2"'))
     arm = kd.Leg.from_urdf(leg_with_arm, "elbow_link")
-    assert arm.joint_values(rest_configuration(arm))["elbow"] == pytest.approx(0.2 + 0.3)
+    assert arm.joint_values(module.rest_configuration(arm))["elbow"] == pytest.approx(0.2 + 0.3)
 
 
 def on(sole):

@@ -10,18 +10,6 @@ import kickdyn as kd
 from kickdyn.sweeps import chunk_solver, queries
 from kickdyn.sweeps.dataset import VARIABLES, describe
 from kickdyn.sweeps.grid import Grid, read_postures
-from kickdyn.sweeps.queries import (
-    KEPT_POSTURES,
-    SpeedMap,
-    Summary,
-    condition,
-    front_of,
-    joint_values_by_unit,
-    outcome_at,
-    pareto_front,
-    possible,
-    summarize,
-)
 from kickdyn.sweeps.sweep import sweep_chunks
 
 LEG, KICK = kd.Leg.human(), kd.Kick(speed=6.5, attack=0.0, air=None)
@@ -53,8 +41,8 @@ def dominated(points, row):
 
 @pytest.mark.parametrize("where", [None, "knee < 25 and worst_joint_impulse <= 2.4"])
 def test_the_front_is_that_of_all_postures(data, where):
-    front = pareto_front(data, where=where)
-    counts = possible(data) if where is None else possible(data) & condition(data, where)
+    front = queries.pareto_front(data, where=where)
+    counts = queries.possible(data) & (where is None or queries.condition(data, where))
     assert 3 < int(counts.sum()) < data.status.size
     columns = [data[name].values[counts.values] for name in ("ball_speed", "worst_joint_impulse")]
     points = np.column_stack([*columns, np.arange(len(columns[0]))])
@@ -70,16 +58,16 @@ def test_fronts_of_random_points():
     for _ in range(30):
         values = random.integers(0, 9, (40, 2)) + random.integers(-20, 20, 2)
         points = np.column_stack([values, np.arange(40)]).astype(float)
-        front = front_of(points)
+        front = queries.front_of(points)
         for row in points:
             assert (row[2] in front[:, 2]) != dominated(points, row)
-    assert front_of(np.empty((0, 3))).shape == (0, 3)
+    assert queries.front_of(np.empty((0, 3))).shape == (0, 3)
 
 
 def test_the_outcome_of_a_posture_is_its_impact(data):
     cell = data.isel(hip=2, knee=3, ankle=1)
-    for posture in (pareto_front(data).isel(posture=0), cell):
-        outcome = outcome_at(LEG, KICK, posture)
+    for posture in (queries.pareto_front(data).isel(posture=0), cell):
+        outcome = queries.outcome_at(LEG, KICK, posture)
         speed, carry = outcome.impact.ball_after.speed, outcome.carry
         right = float(posture.ball_speed), float(posture.carry)
         assert (speed, carry) == pytest.approx(right, rel=1.2e-7)  # of float32
@@ -110,7 +98,7 @@ def test_a_condition_is_true_where_python_says_so(made_up, text):
     rows = zip(DEGREES["hip"], DEGREES["launch_angle"], CARRY, strict=True)
     plain = text.strip().replace("'hip'", "hip").replace("hip_yaw", "hip")
     right = [eval(plain, {"hip": h, "launch_angle": a, "carry": c}) for h, a, c in rows]
-    assert np.broadcast_to(condition(made_up, text).values, 4).tolist() == right
+    assert np.broadcast_to(queries.condition(made_up, text).values, 4).tolist() == right
 
 
 @pytest.mark.parametrize(("text", "word"), [
@@ -125,7 +113,7 @@ def test_a_condition_is_true_where_python_says_so(made_up, text):
     (7, "1000")], ids=lambda value: str(value)[:20])  # fmt: skip
 def test_other_texts_are_refused_in_one_line(made_up, text, word):
     with pytest.raises(kd.InvalidInput, match=word):
-        condition(made_up, text)
+        queries.condition(made_up, text)
 
 
 RUBBING = kd.Kick(speed=6.5, attack=0.0, friction=0.1, air=None)
@@ -151,7 +139,7 @@ def chunks():
 
 
 def by_chunks(chunks, where=None):
-    result = Summary(describe(LEG, Grid.of(LEG, POSTURES), RUBBING, 0.0), where)
+    result = queries.Summary(describe(LEG, Grid.of(LEG, POSTURES), RUBBING, 0.0), where)
     for chunk in chunks:
         result.add(chunk)
     return result
@@ -160,21 +148,21 @@ def by_chunks(chunks, where=None):
 @pytest.mark.parametrize("where", [None, "knee > 5 and ball_speed < 10.5", "hip > 20"])
 def test_chunks_give_the_summary_of_the_whole_dataset(swept, chunks, where):
     assert len(chunks) > 3
-    for result in (by_chunks(chunks, where), summarize(swept, where)):
-        chosen = possible(swept) if where is None else possible(swept) & condition(swept, where)
+    for result in (by_chunks(chunks, where), queries.summarize(swept, where)):
+        chosen = queries.possible(swept) & (where is None or queries.condition(swept, where))
         speed = swept.ball_speed.where(chosen)
-        assert result.counts["ok"] == int(possible(swept).sum()) < result.postures == 48
+        assert result.counts["ok"] == int(queries.possible(swept).sum()) < result.postures == 48
         assert result.counts["too-fast"] == int((swept.status == 1).sum()) > 0
         residuals = swept.restitution_residual.max(), swept.momentum_residual.max()
         assert result.residual == max(residuals)
         assert result.chosen == int(chosen.sum()) > 2
         ordered = np.sort(speed.values[chosen.values])[::-1]
-        assert result.best[:, 0].tolist() == ordered[:KEPT_POSTURES].tolist()
+        assert result.best[:, 0].tolist() == ordered[: queries.KEPT_POSTURES].tolist()
         places = result.best[:, 2].astype(int)
         for column, name in enumerate(("ball_speed", "worst_joint_impulse")):
             assert swept[name].values.ravel()[places].tolist() == result.best[:, column].tolist()
         assert swept.ball_speed.values.ravel()[result.worst] == ordered[-1]
-        front = pareto_front(swept, where=where)
+        front = queries.pareto_front(swept, where=where)
         assert result.front[:, 0].tolist() == front.ball_speed.values.tolist()
         pairs = {("hip", "knee"): "ankle", ("hip", "ankle"): "knee", ("knee", "ankle"): "hip"}
         assert set(result.maps) == set(pairs)
@@ -188,7 +176,7 @@ def test_maps_are_over_pairs_of_the_three_longest_axes():
     names = G1.joint_names[-4:]
     for sizes, pairs in (((2, 5, 3, 4), {(1, 2), (1, 3), (2, 3)}), ((3, 1, 2, 1), {(0, 2)})):
         axes = {name: np.linspace(0.1, 0.2, k) for name, k in zip(names, sizes, strict=True)}
-        maps = Summary(describe(G1, Grid.of(G1, axes), RUBBING, 0.0)).maps
+        maps = queries.Summary(describe(G1, Grid.of(G1, axes), RUBBING, 0.0)).maps
         assert {tuple(map(names.index, pair)) for pair in maps} == pairs
 
 
@@ -198,7 +186,7 @@ def test_a_map_of_long_axes_joins_neighbours(monkeypatch):
     axes = {"hip": np.arange(7.0) ** 2, "knee": np.array([0.1, 0.5])}
     speeds = np.random.default_rng(0).normal(size=(7, 2))
     speeds[3:5, 1] = np.nan
-    speed_map = SpeedMap(axes, ("hip", "knee"))
+    speed_map = queries.SpeedMap(axes, ("hip", "knee"))
     for begin, end in ((0, 4), (4, 7)):
         speed_map.add({"hip": begin, "knee": 0}, speeds[begin:end])
     bins = [slice(0, 3), slice(3, 5), slice(5, 7)]
@@ -208,9 +196,9 @@ def test_a_map_of_long_axes_joins_neighbours(monkeypatch):
 
 
 def test_the_sample_is_random_repeatable_and_of_chosen_postures(swept, chunks):
-    sample = summarize(swept).sample
+    sample = queries.summarize(swept).sample
     assert (by_chunks(chunks).sample == sample).all()
-    rows = np.column_stack([swept[name].values[possible(swept).values] for name in NAMES])
+    rows = np.column_stack([swept[name].values[queries.possible(swept).values] for name in NAMES])
     numbers = [int(np.flatnonzero((rows == row).all(axis=1))[0]) for row in sample]
     assert len(set(numbers)) == 7
     assert np.ptp(numbers) > len(rows) / 3
@@ -218,14 +206,14 @@ def test_the_sample_is_random_repeatable_and_of_chosen_postures(swept, chunks):
 
 
 def test_the_best_and_the_front_are_written_as_plain_values(swept):
-    kept = json.loads(json.dumps(summarize(swept).as_json()))
+    kept = json.loads(json.dumps(queries.summarize(swept).as_json()))
     for rows in (kept["best"], kept["front"]):
         for i, speed in enumerate(rows["ball_speed"]):
             place = {name: np.radians(rows["angles_deg"][name][i]) for name in POSTURES}
             at = swept.sel(place, method="nearest")
             assert float(at.ball_speed) == speed
             assert float(at.worst_joint_impulse) == rows["worst_joint_impulse"][i]
-    assert len(kept["best"]["angles_deg"]["hip"]) == KEPT_POSTURES
+    assert len(kept["best"]["angles_deg"]["hip"]) == queries.KEPT_POSTURES
     values, units = {"hip": 30.0, "rail": 0.2}, {"hip": "deg", "rail": "m"}
     by_unit = {"angles_deg": {"hip": 30.0}, "positions_m": {"rail": 0.2}}
-    assert joint_values_by_unit(values, units) == by_unit
+    assert queries.joint_values_by_unit(values, units) == by_unit

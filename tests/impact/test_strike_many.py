@@ -56,16 +56,14 @@ def test_every_row_is_a_strike(seed, monkeypatch):
             assert np.isnan(many.joint_impulses[i]).all()
             continue
         assert (many.status[i] == StrikeStatus.STICKS.flag) == one.sticking
-        agrees(many.impulse[i], one.impulse, PROMISED)
-        agrees(many.joint_impulses[i], one.joint_impulses, PROMISED)
-        agrees(many.v_after[i], one.v_after, 100 * PROMISED)
-        agrees(many.energy_lost[i], one.energy_lost, 100 * PROMISED)
-        agrees(many.approach_speed[i], one.approach_speed, PROMISED)
+        for name in ("impulse", "joint_impulses", "approach_speed"):
+            agrees(getattr(many, name)[i], getattr(one, name), PROMISED)
+        for name in ("v_after", "energy_lost"):
+            agrees(getattr(many, name)[i], getattr(one, name), 100 * PROMISED)
         agrees(many.ball_velocity[i], one.ball_after.velocity, PROMISED)
         agrees(many.ball_spin[i], one.ball_after.spin, PROMISED)
         agrees(many.ball_position[i], one.ball_after.position, closed_form(10))
-    assert np.bincount(many.status, minlength=4)[:3].min() >= n // 6
-    assert StrikeStatus.FAILED.flag not in many.status
+    assert np.bincount(many.status, minlength=4).clip(0, n // 6).tolist() == [10, 10, 10, 0]
 
 
 @pytest.mark.parametrize(("last", "mass"), [(1e-4, 0.43), (1e-7, 0.43), (1e-7, 1e3)])

@@ -1,11 +1,14 @@
-"""Write the tables of docs/reference that are made from the code.
+"""Tables of the pages that are made from the code, from references.bib and from validation.csv.
 
-    python docs/reference_tables.py
+    python docs/reference_tables.py reference/scene-file
 
-A page keeps its own text; what stands between two marks of one name is written anew.
+prints a page with its tables. `make docs` inserts them in the site. A mark such as `<!-- keys -->`
+is the place of a table in a page.
 """
 
+import csv
 import re
+import sys
 from collections.abc import Iterable
 from itertools import takewhile
 from pathlib import Path
@@ -16,7 +19,7 @@ from kickdyn.restitution import format_restitution
 from kickdyn.scene.scene_tables import TABLES, Table, quoted
 from kickdyn.sweeps.dataset import VARIABLES
 
-FOLDER = Path(__file__).resolve().parent / "reference"
+DOCS = Path(__file__).resolve().parent
 
 
 def table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -103,7 +106,7 @@ def scenes() -> str:
 
 def references() -> str:
     """Return the references of `docs/references.bib`, by author."""
-    text = (FOLDER.parent / "references.bib").read_text(encoding="utf-8")
+    text = (DOCS / "references.bib").read_text(encoding="utf-8")
     lines = []
     for entry in re.findall(r"^@\w+\{\w+,\n(.*?)\n\}", text, re.DOTALL | re.MULTILINE):
         has = dict(re.findall(r"^  (\w+) = \{(.*)\},$", entry, re.MULTILINE))
@@ -120,30 +123,37 @@ def references() -> str:
     return "\n".join(sorted(lines))
 
 
+def measurements() -> str:
+    """Return the comparisons of `docs/explanation/validation.csv`, without their assumptions."""
+    text = (DOCS / "explanation" / "validation.csv").read_text(encoding="utf-8")
+    _, *rows = csv.reader(text.splitlines())
+    cells = ([*row[:4], re.sub("partly|disagrees", r"**\g<0>**", row[4])] for row in rows)
+    return table(("", "quantity", "measured", "kickdyn", "verdict"), cells)
+
+
 PAGES = {
-    "bibliography.md": {"references": references},
-    "scene-file.md": {"scenes": scenes, "keys": scene_keys, "surfaces": surfaces},
-    "dataset.md": {"variables": variables},
+    "reference/bibliography": {"references": references},
+    "reference/scene-file": {"scenes": scenes, "keys": scene_keys, "surfaces": surfaces},
+    "reference/dataset": {"variables": variables},
+    "explanation/validation": {"measurements": measurements},
 }
-"""By page, the marks and what stands between two of them."""
+"""By page, the marks and the functions that return their tables."""
 
 
-def current(page: str) -> str:
-    """Return the text of a page, with its tables written anew."""
-    text = (FOLDER / page).read_text(encoding="utf-8")
-    for name, block in PAGES[page].items():
+def with_tables(page: str, text: str) -> str:
+    """Return the text of a page with its tables in place of the marks."""
+    for name, block in PAGES.get(page, {}).items():
         mark = f"<!-- {name} -->"
-        text, found = re.subn(
-            f"{mark}\n.*?{mark}",
-            lambda _, m=mark, b=block: f"{m}\n\n{b()}\n\n{m}",
-            text,
-            flags=re.S,
-        )
-        if found != 1:
-            raise RuntimeError(f"{page} has no place for {name}")
+        if text.count(mark) != 1:
+            raise RuntimeError(f"{page}.md must have {mark} once")
+        text = text.replace(mark, block())
     return text
 
 
+def read(page: str) -> str:
+    """Return a page with its tables."""
+    return with_tables(page, (DOCS / f"{page}.md").read_text(encoding="utf-8"))
+
+
 if __name__ == "__main__":
-    for page in PAGES:
-        (FOLDER / page).write_text(current(page), encoding="utf-8")
+    print("\n".join(map(read, sys.argv[1:])))

@@ -12,7 +12,7 @@ from latex2mathml.converter import convert
 import kickdyn
 
 sys.path.insert(0, str(Path(__file__).parent))
-import reference_tables  # noqa: E402
+import reference_tables
 
 Scalar = TypeVar("Scalar")
 

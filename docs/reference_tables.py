@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from itertools import takewhile
 from pathlib import Path
 
+from kickdyn.aerodynamics import drag, lift, spin_decay
 from kickdyn.core.files import shipped
 from kickdyn.ground import SURFACES
 from kickdyn.restitution import format_restitution
@@ -123,6 +124,20 @@ def references() -> str:
     return "\n".join(sorted(lines))
 
 
+def coefficients() -> str:
+    """Return the models of drag, lift and spin decay with their ranges and sources."""
+    models = [*drag.MODELS.values(), *lift.MODELS.values(), *spin_decay.MODELS.values()]
+    rows = (
+        [
+            f"{model.kind} `{model.name}`",
+            *(f"{low:.3g} to {high:.3g}" for low, high in (model.reynolds, model.spin)),
+            model.source,
+        ]
+        for model in models
+    )
+    return table(("model", "Re", "spin parameter", "source"), rows)
+
+
 def measurements() -> str:
     """Return the comparisons of `docs/explanation/validation.csv`, without their assumptions."""
     text = (DOCS / "explanation" / "validation.csv").read_text(encoding="utf-8")
@@ -135,6 +150,7 @@ PAGES = {
     "reference/bibliography": {"references": references},
     "reference/scene-file": {"scenes": scenes, "keys": scene_keys, "surfaces": surfaces},
     "reference/dataset": {"variables": variables},
+    "explanation/theory": {"coefficients": coefficients},
     "explanation/validation": {"measurements": measurements},
 }
 """By page, the marks and the functions that return their tables."""

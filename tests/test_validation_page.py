@@ -59,7 +59,8 @@ def test_the_rules_of_the_verdicts():
 
 def test_the_readme_repeats_rows_of_the_pages_and_counts_all_of_them():
     """A row with two verdicts counts by the first, which is that of the default."""
-    pages = {(row[0], *row[2:5]) for row in (*PAGE, *rows((EXPLANATION / "verification.md").read_text("utf-8")))}
+    checks = rows((EXPLANATION / "verification.md").read_text("utf-8"))
+    pages = {(row[0], *row[2:5]) for row in (*PAGE, *checks)}
     assert {(row[0], *row[2:]) for row in SHORT} <= pages
     verdicts = [row[4] for row in PAGE if row[0][0] in "MA" and row[4] != "fitted"]
     counts = Counter(verdict.split()[0].strip("*,") for verdict in verdicts)

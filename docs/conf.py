@@ -91,9 +91,10 @@ def _dash(app, doctree):
 
 
 def _tables(app, page, source):
-    """Insert the tables that are made from the code, in every build anew."""
-    if page in reference_tables.PAGES:
-        source[0] = reference_tables.with_tables(page, source[0])
+    """Insert what a page has from the code, in every build anew."""
+    text = reference_tables.with_tables(page, source[0])
+    if text != source[0]:
+        source[0] = text
         app.env.note_reread()
 
 

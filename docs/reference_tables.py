@@ -1,12 +1,14 @@
-"""Tables of the pages that are made from the code, from references.bib and from validation.csv.
+"""What the pages have from the code, from references.bib and from validation.csv.
 
     python docs/reference_tables.py reference/scene-file
 
 prints a page with its tables. `make docs` inserts them in the site. A mark such as `<!-- keys -->`
-is the place of a table in a page.
+is the place of a table in a page, and a block `{api}` lists names whose docstrings are shown.
 """
 
 import csv
+import inspect
+import pkgutil
 import re
 import sys
 from collections.abc import Iterable
@@ -156,14 +158,50 @@ PAGES = {
 """By page, the marks and the functions that return their tables."""
 
 
+OPTIONS = {
+    "Leg": ("inherited-members:",),
+    "Posture": ("inherited-members: ReprMixin",),
+    "Impact": ("inherited-members: ReprMixin",),
+    "Collision": ("inherited-members: ReprMixin",),
+    "Launch": ("show-inheritance:",),
+    "Pass": ("show-inheritance:",),
+    "impact.laws.LAWS": ("no-value:",),
+    "paper.assumptions.DEFAULT": ("no-value:",),
+    "paper.assumptions.LIFT_WITHOUT_CRISIS": ("no-value:",),
+}
+"""Options of autodoc for names of the API; classes and modules also have `members`."""
+
+
+def docstring_of(name: str) -> str:
+    """Return the directive of autodoc for a name below `kickdyn`."""
+    value = pkgutil.resolve_name(f"kickdyn:{name}" if "." not in name else f"kickdyn.{name}")
+    options = [*OPTIONS.get(name, ())]
+    if inspect.ismodule(value):
+        kind = "module"
+    elif inspect.isclass(value):
+        kind = "exception" if issubclass(value, Exception) else "class"
+    else:
+        kind = "function" if inspect.isfunction(value) else "data"
+    named_tuple = kind == "class" and issubclass(value, tuple)  # its docstring has its members
+    if kind in ("module", "class") and not named_tuple:
+        options.insert(0, "members:")
+    return "\n".join([f".. auto{kind}:: kickdyn.{name}", *(f"   :{line}" for line in options)])
+
+
+def docstrings(names: str) -> str:
+    """Return the directives of autodoc for names, one a line."""
+    blocks = "\n\n".join(map(docstring_of, names.split()))
+    return f"```{{eval-rst}}\n{blocks}\n```"
+
+
 def with_tables(page: str, text: str) -> str:
-    """Return the text of a page with its tables in place of the marks."""
+    """Return the text of a page with its tables in place of the marks, and with docstrings."""
     for name, block in PAGES.get(page, {}).items():
         mark = f"<!-- {name} -->"
         if text.count(mark) != 1:
             raise RuntimeError(f"{page}.md must have {mark} once")
         text = text.replace(mark, block())
-    return text
+    return re.sub(r"```\{api\}\n(.*?)```", lambda block: docstrings(block[1]), text, flags=re.S)
 
 
 def read(page: str) -> str:

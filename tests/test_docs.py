@@ -27,8 +27,8 @@ SNIPPETS = [
     for page in [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
     if page in GUIDES or "```python" in page.read_text("utf-8")
 ]
-API = (DOCS / "reference" / "api.md").read_text("utf-8")
 MADE = runpy.run_path(str(DOCS / "reference_tables.py"))
+API = MADE["read"]("reference/api")
 
 SLOW = {
     *("standing", "own-robot", "pages", "carry-out", "sweeps", "learning", "identification"),

@@ -16,6 +16,7 @@ from itertools import takewhile
 from pathlib import Path
 
 from kickdyn.aerodynamics import drag, lift, spin_decay
+from kickdyn.cli.commands import COMMANDS
 from kickdyn.core.files import shipped
 from kickdyn.ground import SURFACES
 from kickdyn.restitution import format_restitution
@@ -72,6 +73,15 @@ def scene_keys() -> str:
         blocks.append(f"{title} {conditions(part)}".rstrip())
         blocks.append(table(("key", "value", "meaning"), rows))
     return "\n\n".join(blocks)
+
+
+def options() -> str:
+    """Return the directives of sphinx-click for all commands."""
+    blocks = (
+        f".. click:: kickdyn.cli.{file}:{name.replace('-', '_')}\n   :prog: kickdyn {name}"
+        for name, (file, _) in COMMANDS.items()
+    )
+    return "```{eval-rst}\n" + "\n\n".join(blocks) + "\n```"
 
 
 def variables() -> str:
@@ -149,6 +159,7 @@ def measurements() -> str:
 
 
 PAGES = {
+    "reference/commands": {"options": options},
     "reference/bibliography": {"references": references},
     "reference/scene-file": {"scenes": scenes, "keys": scene_keys, "surfaces": surfaces},
     "reference/dataset": {"variables": variables},

@@ -11,6 +11,7 @@ import inspect
 import pkgutil
 import re
 import sys
+import tomllib
 from collections.abc import Iterable
 from itertools import takewhile
 from pathlib import Path
@@ -136,6 +137,29 @@ def references() -> str:
     return "\n".join(sorted(lines))
 
 
+def drives() -> str:
+    """Return the drives of robots by name, with the comments and sources of their files."""
+    rows = []
+    for file in sorted(shipped("drives").glob("*.toml")):
+        text = file.read_text("utf-8")
+        content = tomllib.loads(text)
+        joints = {}
+        for joint, drive in content["joints"].items():
+            rotor, gear = drive["rotor_inertia_kg_m2"], drive.get("gear", 1)
+            size = f"{rotor * gear**2:.4g}" + (
+                f" ({rotor:g} behind {gear:g}:1)" if gear > 1 else ""
+            )
+            if "torque_limit_n_m" in drive:
+                size += f", torque limit {drive['torque_limit_n_m']:g} N m"
+            joints.setdefault(size, []).append(f"`{joint}`")
+        inertias = "; ".join(f"{', '.join(names)} {size}" for size, names in joints.items())
+        comment = " ".join(
+            line.strip("# ") for line in takewhile(lambda line: line[:1] == "#", text.splitlines())
+        )
+        rows.append([file.stem, inertias or "none", comment, content["source"]])
+    return table(("robot", "reflected inertia J n² [kg m²]", "notes", "source"), rows)
+
+
 def coefficients() -> str:
     """Return the models of drag, lift and spin decay with their ranges and sources."""
     models = [*drag.MODELS.values(), *lift.MODELS.values(), *spin_decay.MODELS.values()]
@@ -163,6 +187,7 @@ PAGES = {
     "reference/bibliography": {"references": references},
     "reference/scene-file": {"scenes": scenes, "keys": scene_keys, "surfaces": surfaces},
     "reference/dataset": {"variables": variables},
+    "explanation/robots": {"drives": drives},
     "explanation/theory": {"coefficients": coefficients},
     "explanation/validation": {"measurements": measurements},
 }

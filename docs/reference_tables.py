@@ -20,6 +20,7 @@ from kickdyn.aerodynamics import drag, lift, spin_decay
 from kickdyn.cli.commands import COMMANDS
 from kickdyn.core.files import shipped
 from kickdyn.ground import SURFACES
+from kickdyn.paper.item import MEANINGS
 from kickdyn.restitution import format_restitution
 from kickdyn.scene.scene_tables import TABLES, Table, quoted
 from kickdyn.sweeps.dataset import VARIABLES
@@ -174,6 +175,11 @@ def coefficients() -> str:
     return table(("model", "Re", "spin parameter", "source"), rows)
 
 
+def verdicts() -> str:
+    """Return the verdicts of `kickdyn paper` with their meanings."""
+    return table(("verdict", "meaning"), ([f"`{name}`", text] for name, text in MEANINGS.items()))
+
+
 def measurements() -> str:
     """Return the comparisons of `docs/explanation/validation.csv`, without their assumptions."""
     text = (DOCS / "explanation" / "validation.csv").read_text(encoding="utf-8")
@@ -187,6 +193,7 @@ PAGES = {
     "reference/bibliography": {"references": references},
     "reference/scene-file": {"scenes": scenes, "keys": scene_keys, "surfaces": surfaces},
     "reference/dataset": {"variables": variables},
+    "explanation/paper": {"verdicts": verdicts},
     "explanation/robots": {"drives": drives},
     "explanation/theory": {"coefficients": coefficients},
     "explanation/validation": {"measurements": measurements},

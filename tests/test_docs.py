@@ -32,7 +32,7 @@ API = MADE["read"]("reference/api")
 
 SLOW = {
     *("standing", "own-robot", "pages", "carry-out", "sweeps", "learning", "identification"),
-    *("which-function", "measured-impacts", "moving-balls"),
+    *("which-function", "measured-impacts", "moving-balls", "api"),
     *("choose_surface", "reach", "run_in_mujoco", "run_with_noise", "simulate_many"),
 }
 """Pages and functions whose snippets are run by `make test-slow`."""

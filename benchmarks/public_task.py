@@ -41,7 +41,7 @@ from kickdyn.planning.library_motions import Kicks, solution_arrays, solution_of
 BALL, AIR = kd.Ball(), kd.Air()
 CONTACT = kd.Contact(restitution=0.8, friction=0.4)
 
-PLACE, HALF = np.array([0.33, -0.12]), 0.1
+PLACE, HALF = np.array([0.33, -0.08]), 0.1
 """Middle and half the side of the square in which the ball lies, in the axes of the robot [m]."""
 
 YAW, HEIGHT = 0.2, 0.3

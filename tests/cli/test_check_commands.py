@@ -336,9 +336,8 @@ def test_the_document_has_the_numbers_of_the_functions(swing, kickdyn):
     check = kd.check_motion(motion, kd.Leg.human(), kd.Ball(), kd.Contact(friction=0.3))
     assert ended.json == check.to_json()
     assert ended.json["best"]["time"] == pytest.approx(T[check.best])
-    assert ended.json["launches"]["ball_speed"].count(None) == 30 - sum(
-        np.isfinite(check.launches.ball_speed.values)
-    )
+    missing = int(check.launches.ball_speed.isnull().sum())
+    assert ended.json["launches"]["ball_speed"].count(None) == missing
 
 
 def test_plot_and_page_are_written_and_broken_limits_are_no_failure(swing, kickdyn, tmp_path):
@@ -348,7 +347,8 @@ def test_plot_and_page_are_written_and_broken_limits_are_no_failure(swing, kickd
     for file in ("swing.png", "swing.html", "swing.json"):
         assert f"wrote {file}" in ended.out
         assert (tmp_path / file).stat().st_size > 1000
-    assert "0 to 0.145 s, 200 frames per second" in (tmp_path / "swing.html").read_text("utf-8")
+    for text in ("0 to 0.145 s, 200 frames per second", "broken: torque of hip is beyond"):
+        assert text in (tmp_path / "swing.html").read_text("utf-8")
 
 
 @pytest.mark.parametrize(("words", "said"), [

@@ -11,9 +11,6 @@ from latex2mathml.converter import convert
 
 import kickdyn
 
-sys.path.insert(0, str(Path(__file__).parent))
-import reference_tables
-
 Scalar = TypeVar("Scalar")
 
 
@@ -27,6 +24,9 @@ class NDArray(Generic[Scalar]):
 
 # The modules of kickdyn are not loaded yet: `import kickdyn` loads a module when a name is used.
 numpy.typing.ArrayLike, numpy.typing.NDArray = ArrayLike, NDArray
+
+sys.path.insert(0, str(Path(__file__).parent))
+import reference_tables  # noqa: E402  # loads modules of kickdyn
 
 project = "kickdyn"
 author = "The kickdyn authors"

@@ -77,6 +77,29 @@ def scene_keys() -> str:
     return "\n\n".join(blocks)
 
 
+GUIDES = {
+    "check": "[your own robot](../how-to/own-robot.md)",
+    "check-motion": "[recorded motions](../how-to/recorded-motions.md)",
+    "posture-sweep": "[sweeps](../how-to/sweeps.md)",
+    "plan": "[planning](../explanation/planning.md)",
+    "reach": "[standing](../explanation/standing.md#reach)",
+    "kick-library": "[a kick in milliseconds](../how-to/kick-library.md)",
+    "paper": "[the paper](../explanation/paper.md)",
+    "tradeoff": "[which function](../how-to/which-function.md)",
+    "simulate": "[tolerance](../how-to/tolerance.md)",
+    "tune-mujoco": "[MuJoCo](../how-to/mujoco.md)",
+    "identify": "[ball tracks](../how-to/identification.md)",
+    "view": "[pages](../how-to/pages.md)",
+}
+"""The page that explains each command."""
+
+
+def commands() -> str:
+    """Return the commands with their summaries and guides."""
+    rows = ([f"`kickdyn {name}`", text, GUIDES[name]] for name, (_, text) in COMMANDS.items())
+    return table(("command", "purpose", "guide"), rows)
+
+
 def options() -> str:
     """Return the directives of sphinx-click for all commands."""
     blocks = (
@@ -189,7 +212,7 @@ def measurements() -> str:
 
 
 PAGES = {
-    "reference/commands": {"options": options},
+    "reference/commands": {"commands": commands, "options": options},
     "reference/bibliography": {"references": references},
     "reference/scene-file": {"scenes": scenes, "keys": scene_keys, "surfaces": surfaces},
     "reference/dataset": {"variables": variables},

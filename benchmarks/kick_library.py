@@ -1,30 +1,51 @@
 """A library of kicks of G1: what it covers and costs, and how good its kicks are.
 
-    python benchmarks/kick_library.py [FILE.npz] [KICKS [WORKERS [RUNS]]]
+    python benchmarks/kick_library.py [FILE.npz] [--square] [--kicks 1000] [--checks 100]
+                                      [--runs 100] [--plans 5] [--workers 2]
 
-It makes the library FILE (build/g1_library.npz) with WORKERS processes, or continues or reads it:
-G1 on its left foot with its legs alone, launches of 7.2 to 8.2 m/s at 10 to 18 degrees, the ball in
-a square of 4 cm. For KICKS random kicks it prints the share that is covered, the errors of the
-launch by `strike`, the largest torques and speeds over their limits and the least distance of the
-centre of pressure from the edge of the sole on a grid ten times finer than the planner's, and the
-processor time of an answer. RUNS of them are carried out in MuJoCo, as planned.
+It makes the library FILE (build/g1_library.npz), or continues or reads it: G1 on its left foot with
+its legs alone, launches of 7 to 8.2 m/s at 8 to 20 degrees, with `--square` the ball in one of
+2 cm. Its motions are carried out in MuJoCo once, by `correct_library`. Then it prints
+
+- for KICKS random kicks, the errors of the launch by `strike`; for CHECKS of them, the least
+  distance from all limits on a grid ten times finer than the planner's, with what is inside each
+  other; for PLANS of them, the squared torques over those of a full plan;
+- for RUNS random goals of 7.5 to 8.2 m/s, at 11.5 to 16.5 degrees and up to 30 degrees aside, the
+  errors in MuJoCo with the own foot, and the processor time, of the nearest motion that is stored,
+  of the interpolated one, of the interpolated and corrected one, and of the latter by a robot that
+  differs at random (`kd.KickNoise()`, another seed for each goal); for PLANS of them also those of
+  a full plan, and after two corrections.
 """
 
+import argparse
 import math
+import pickle
 import sys
 import time
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from multiprocessing import get_context
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
+import pinocchio as pin
 
 import kickdyn as kd
-from kickdyn.planning.kick_library import KickLibrary, LibraryKick
-from kickdyn.robot.standing import StandingRobot, sole_edges
+from kickdyn.core.validation import Array
+from kickdyn.planning.kick_library import KickLibrary
+from kickdyn.planning.kick_reader import launch_velocity
+from kickdyn.planning.library_motions import Kicks, check_between
 
-RANGES = {"speed": (7.2, 8.2), "elevation": (math.radians(10), math.radians(18))}
-PLACES = {"x": (0.30, 0.34), "y": (-0.07, -0.03)}
+RANGES = {"speed": (7.0, 8.2), "elevation": (math.radians(8), math.radians(20))}
+SQUARE = {"x": (0.31, 0.33), "y": (-0.06, -0.04)}
+T = TypeVar("T")
+GOALS = np.array([(7.5, 8.2), np.radians([11.5, 16.5]), np.radians([-30, 30])])
+"""Ranges of speed [m/s], elevation and azimuth [rad] of the goals that are carried out."""
+
+FLIGHT_TIME = 0.3
+"""Time of the flights to the goals [s]."""
 
 
 def robot() -> kd.Leg:
@@ -33,7 +54,7 @@ def robot() -> kd.Leg:
     return g1.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
 
 
-def make(file: Path, workers: int) -> KickLibrary:
+def make(file: Path, workers: int, places: dict[str, tuple[float, float]]) -> KickLibrary:
     """Return the library, with its times."""
     began, counts = time.perf_counter(), {}
 
@@ -44,66 +65,171 @@ def make(file: Path, workers: int) -> KickLibrary:
 
     with ProcessPoolExecutor(workers, get_context("spawn")) as executor:
         library = kd.kick_library(
-            robot(), file, **RANGES, **PLACES, executor=executor, progress=show
+            robot(), file, **RANGES, **places, executor=executor, progress=show
         )
+        library = kd.correct_library(library, executor=executor, progress=show)
     print(f"{time.perf_counter() - began:.0f} s wall by {workers} processes: {counts or 'read'}")
+    print(library, f"{file.stat().st_size / 1e6:.2f} MB", sep="\n")
     return library
 
 
-def margins(kick: LibraryKick) -> tuple[float, float, float]:
-    """Return the largest torque and speed over their limits, and the centre of pressure [m]."""
-    motion = kick.motion
-    assert motion is not None
-    leg = motion.robot
-    columns = [leg.velocity_index(name) for name in motion.joints]
-    normals, offsets = sole_edges(StandingRobot(robot()))
-    torque = speed = 0.0
-    inside = math.inf
-    for t in np.linspace(motion.begin, motion.end, 2000):
-        torque = max(torque, np.abs(motion.torque(t)[columns] / leg.effort_limit[columns]).max())
-        speed = max(speed, np.abs(motion.v(t)[columns] / leg.velocity_limit[columns]).max())
-        wrench = motion.ground_wrench(t)
-        centre = np.array([-wrench[4], wrench[3]]) / wrench[2]
-        inside = min(inside, float((offsets - normals @ centre).min()))
-    return torque, speed, inside
+def goal_of(point: Array) -> kd.Goal:
+    """Return a goal in the vacuum that needs a launch, in the air for `FLIGHT_TIME`."""
+    fall = np.array([0.0, 0.0, -0.5 * 9.81 * FLIGHT_TIME**2])
+    return kd.Goal(FLIGHT_TIME * launch_velocity(point) + fall, time=FLIGHT_TIME)
+
+
+def errors(velocity: Array, wished: Array) -> tuple[float, float]:
+    """Return the relative error of a speed, and the angle between velocities [deg]."""
+    sine, cosine = np.linalg.norm(np.cross(velocity, wished)), velocity @ wished
+    return math.hypot(*velocity) / math.hypot(*wished) - 1, math.degrees(math.atan2(sine, cosine))
+
+
+def print_planned(plain: KickLibrary, count: int, checks: int, plans: int) -> None:
+    """Print the errors of kicks by `strike`, their limits, and their torques."""
+    reader, draw = plain.reader, np.random.default_rng(0)
+    points = draw.uniform(reader.lower, reader.upper, (count, 5))
+    began = time.process_time()
+    for point in points:
+        reader.kick(point)
+    print(f"{1e3 * (time.process_time() - began) / count:.2f} ms a kick, without Pinocchio")
+    kicks = [kick for point in points if (kick := plain.kick_at(point)).met]
+    print(f"{len(kicks)} of {count} random kicks are covered")
+    off = np.array([errors(kick.impact.ball_after.velocity, kick.launch) for kick in kicks])
+    print(f"launch of these by strike: {100 * np.abs(off[:, 0]).max():.1e} % and "
+          f"{off[:, 1].max():.1e} degrees off at most")  # fmt: skip
+    motion, height = kicks[0].motion, float(reader.arrays["ball"][2])
+    contact = kd.Contact(None, *reader.arrays["impact"].tolist())
+    kinds = Kicks(robot(), kd.Ball(), contact, height, motion.joints, dict(motion.aside))
+    pickled = pickle.dumps(kinds)
+    found = [
+        check_between(pickled, kick.point, kick.interpolated.coefficients)
+        for kick in kicks[:checks]
+    ]
+    least = np.min([one.margins for one in found], axis=0)
+    for unit in ("", "m", "rad"):
+        of_unit = [
+            k for k, name in enumerate(reader.limits) if name.partition(" [")[2][:-1] == unit
+        ]
+        k = min(of_unit, key=least.__getitem__)
+        print(f"least margin of {len(found)}: {least[k]:.4f} {unit or 'of the limit'}, "
+              f"{reader.limits[k]}")  # fmt: skip
+    reasons = [one.reason for one in found if one.reason]
+    print(f"{len(reasons)} of {len(found)} break a limit by more than 1 % or 3 mm", *reasons)
+    ratios = []
+    for kick in kicks[:plans]:
+        goal, place = goal_of(kick.point), kick.point[3:]
+        plan = plain.plan(goal, ball_position=place)
+        full = kd.plan_kick(
+            robot(), goal, kd.Ball(), motion=plan.motion, ball_position=(*place, height),
+            contact=contact,
+        )  # fmt: skip
+        ratios.append(f"{plan.value / full.value:.3f} ({full.status})")
+    print("squared torques over those of a full plan from there:", *ratios)
+
+
+def timed(function: Callable[[], T]) -> tuple[T, float]:
+    """Return a result and its processor time [s]."""
+    began = time.process_time()
+    result = function()
+    return result, time.process_time() - began
+
+
+class Table:
+    """Rows of runs in MuJoCo: errors, whether the robot stands, and times of the answers [s]."""
+
+    def __init__(self) -> None:
+        self.rows: dict[str, list[tuple[float, ...]]] = {}
+
+    def add(
+        self, name: str, seconds: float, plan: kd.KickPlan | None, wished: Array, **options: object
+    ) -> kd.MujocoRun | None:
+        """Carry a plan out, and keep a row of it; None counts as a miss."""
+        row, run = (math.inf, math.inf, False, seconds), None
+        if plan is not None:
+            run = kd.run_in_mujoco(plan, **options)
+            if run.path is not None:
+                row = *errors(run.ball_after.velocity, wished), run.upright, seconds
+        self.rows.setdefault(name, []).append(row)
+        return run
+
+    def print(self) -> None:
+        """Print the table."""
+        print("| kick | goals | speed, median and 95 % | direction | within 3 % and 2° | upright | "
+              "both | processor |\n|---|---|---|---|---|---|---|---|")  # fmt: skip
+        for name, rows in self.rows.items():
+            speed, angle, upright, seconds = np.array(rows, dtype=float).T
+            right, stands = (np.abs(speed) <= 0.03) & (angle <= 2.0), upright > 0
+            quantiles = [
+                np.quantile(values, (0.5, 0.95), method="inverted_cdf")
+                for values in (100 * np.abs(speed), angle)
+            ]
+            middle = float(np.median(seconds))
+            spent = f"{1e3 * middle:.1f} ms" if middle < 1.0 else f"{middle:.0f} s"
+            print(f"| {name} | {len(rows)} | {' %, '.join(f'{x:.1f}' for x in quantiles[0])} % | "
+                  f"{'°, '.join(f'{x:.1f}' for x in quantiles[1])}° | {right.mean():.0%} | "
+                  f"{stands.mean():.0%} | {(right & stands).mean():.0%} | {spent} |")  # fmt: skip
+
+
+def add_runs(library: KickLibrary, plain: KickLibrary, table: Table, point: Array, seed: int, *,
+             with_plan: bool) -> None:  # fmt: skip
+    """Carry out the kicks of a goal."""
+    reader = library.reader
+    scale = np.where(reader.upper > reader.lower, reader.upper - reader.lower, 1.0)
+    wished, place = launch_velocity(point), point[3:]
+    straight = point * [1, 1, 0, 1, 1]
+    found, seconds = timed(lambda: reader.correct(point))
+    plan = None
+    if found is not None:
+        seconds += timed(lambda: reader.kick(found[0]))[1]
+        plan = library.plan(goal_of(point), ball_position=place)
+    run = table.add("interpolated and corrected", seconds, plan, wished)
+    tuning = None if run is None else run.tuning
+    table.add("the same, with noise", seconds, plan, wished, tuning=tuning, seed=seed)
+    _, seconds = timed(lambda: reader.kick(straight))
+    plan = plain.plan(goal_of(point), ball_position=place)
+    table.add("interpolated", seconds, plan, wished, tuning=tuning)
+    far = np.linalg.norm((reader.node_points - straight) / scale, axis=1)
+    node = reader.node_points[np.nanargmin(far)]
+    _, seconds = timed(lambda: reader.kick(node))
+    plan = plain.plan(goal_of(node + point[2] * np.eye(5)[2]), ball_position=node[3:])
+    aside = pin.rpy.rpyToMatrix(0.0, 0.0, point[2])[:2, :2] @ (place - node[3:])
+    table.add("nearest stored", seconds, plan, wished, tuning=tuning, ball_displacement=aside)
+    if with_plan:
+        wished = launch_velocity(straight)
+        goal = goal_of(straight)
+        full, seconds = timed(lambda: kd.plan_kick(robot(), goal, kd.Ball(), motion=True))
+        table.add("full plan", seconds, full, wished)
+        plan, more = timed(lambda: kd.refine_kick(full, 2, "mujoco"))
+        table.add("full plan, corrected twice", seconds + more, plan, wished)
+
+
+def print_runs(library: KickLibrary, plain: KickLibrary, count: int, plans: int) -> None:
+    """Print the table of kicks in MuJoCo."""
+    reader, draw, table = library.reader, np.random.default_rng(1), Table()
+    places = np.array([reader.lower, reader.upper])[:, 3:].T
+    points = draw.uniform(*np.array([*GOALS, *places]).T, (count, 5))
+    with suppress(KeyboardInterrupt):  # what was run until then is printed
+        for seed, point in enumerate(points):
+            add_runs(library, plain, table, point, seed, with_plan=seed < plans)
+    table.print()
 
 
 def main() -> None:
     """Print the figures."""
-    file = Path(sys.argv[1] if len(sys.argv) > 1 else "build/g1_library.npz")
-    count, workers, runs = (
-        int(sys.argv[k]) if len(sys.argv) > k else default
-        for k, default in ((2, 200), (3, 2), (4, 10))
-    )
-    file.parent.mkdir(parents=True, exist_ok=True)
-    library = make(file, workers)
-    print(library)
-    print(f"{file.stat().st_size / 1e6:.2f} MB")
-    draw = np.random.default_rng(0)
-    points = draw.uniform(library.reader.lower, library.reader.upper, (count, 5))
-    began = time.process_time()
-    for point in points:
-        library.reader.kick(point)
-    print(f"{1e3 * (time.process_time() - began) / count:.2f} ms a kick, without Pinocchio")
-    kicks = [kick for point in points if (kick := library.kick_at(point)).met]
-    print(f"{len(kicks)} of {count} random kicks are covered")
-    launches = np.array([kick.impact.ball_after.velocity for kick in kicks])
-    wished = np.array([kick.launch for kick in kicks])
-    print(f"launch by strike: {np.abs(launches - wished).max():.1e} m/s off at most")
-    worst = np.array([margins(kick) for kick in kicks[: max(count // 10, 1)]])
-    print(f"torque {worst[:, 0].max():.3f}, speed {worst[:, 1].max():.3f} of the limits at most, "
-          f"centre of pressure {1e3 * worst[:, 2].min():.1f} mm inside the sole at least, "
-          f"{np.mean(worst[:, 2] > 0):.1%} inside")  # fmt: skip
-    errors = []
-    for kick in kicks[:runs]:
-        speed, elevation, _, *place = kick.point
-        goal = kd.Goal(speed**2 * math.sin(2 * elevation) / 9.81, speed=speed)
-        run = kd.run_in_mujoco(library.plan(goal, ball_position=place))
-        errors.append((abs(run.speed_error), math.degrees(run.direction_error), run.upright))
-    if errors:
-        speed, direction, upright = np.array(errors).T
-        print(f"{len(errors)} runs in MuJoCo as planned: median {100 * np.median(speed):.1f} % and "
-              f"{np.median(direction):.1f} degrees off, {upright.mean():.0%} upright")  # fmt: skip
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("file", nargs="?", type=Path, default=Path("build/g1_library.npz"))
+    for name, default in ("kicks", 1000), ("checks", 100), ("runs", 100), ("plans", 5):
+        options.add_argument(f"--{name}", type=int, default=default)
+    options.add_argument("--square", action="store_true")
+    options.add_argument("--workers", type=int, default=2)
+    chosen = options.parse_args()
+    chosen.file.parent.mkdir(parents=True, exist_ok=True)
+    library = make(chosen.file, chosen.workers, SQUARE if chosen.square else {})
+    plain = KickLibrary(chosen.file, robot())
+    plain.reader.arrays.pop("simulated")
+    print_planned(plain, chosen.kicks, chosen.checks, chosen.plans)
+    print_runs(library, plain, chosen.runs, chosen.plans)
 
 
 if __name__ == "__main__":

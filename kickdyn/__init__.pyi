@@ -70,6 +70,7 @@ from .scene.simulate import Simulation as Simulation
 from .scene.simulate import simulate as simulate
 from .scene.simulate_many import simulate_many as simulate_many
 from .scene.toml_reader import load_scene as load_scene
+from .simulators.library_runs import correct_library as correct_library
 from .simulators.mujoco_field import KickNoise as KickNoise
 from .simulators.repeated_runs import refine_kick as refine_kick
 from .simulators.repeated_runs import run_with_noise as run_with_noise

@@ -12,7 +12,6 @@ from time import perf_counter
 from typing import Any
 
 import click
-import numpy as np
 
 from kickdyn.cli.commands import busy
 from kickdyn.cli.leg_options import LegOptions
@@ -112,6 +111,9 @@ class RangeOptions:
     height: float | None = option(
         "--ball-height", help="Height of the ball's centre, which a leg on a fixed base needs [m]."
     )
+    correct: bool = option(
+        "--correct", help="Carry the motions out in MuJoCo, once, so that kicks are corrected."
+    )
     workers: int = option(
         "--workers", type=click.IntRange(1), default=1, help="Processes that plan motions."
     )
@@ -182,6 +184,10 @@ def kick_library(
             leg.load(), file, ball.load(), **ranges.ranges(), height=ranges.height,
             contact=contact.contact(), executor=executor, progress=progress,
         )  # fmt: skip
+        if ranges.correct:
+            from kickdyn.simulators.library_runs import correct_library
+
+            library = correct_library(library, executor=executor, progress=progress)
     chosen = None if output.kick is None else _kick(library, output.kick)
     output.write_json((library if chosen is None else chosen).to_json())
     if chosen is not None and not chosen.met:
@@ -211,4 +217,4 @@ def _kick(library: KickLibrary, text: str) -> LibraryKick:
     point = 0.5 * (library.reader.lower + library.reader.upper)
     point[:2] = speed, math.radians(elevation)
     point[len(AXES) - len(place) :] = place
-    return library.kick_at(np.array(point))
+    return library.kick_for(point)

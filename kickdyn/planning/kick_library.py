@@ -36,7 +36,13 @@ from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick import turn_plan
 from kickdyn.planning.kick_limits import Balance
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.kick_reader import AXES, InterpolatedKick, launch_velocity, read_kicks
+from kickdyn.planning.kick_reader import (
+    AXES,
+    InterpolatedKick,
+    launch_axes,
+    launch_velocity,
+    read_kicks,
+)
 from kickdyn.planning.kick_steps import (
     check_has_drives,
     checked_contact,
@@ -197,12 +203,21 @@ class KickLibrary(ReprMixin):
         sizes = (a["cell_upper"] - a["cell_lower"])[:, active].prod(axis=1)
         return float(sizes[a["cell_reasons"] == ""].sum() / sizes.sum())
 
+    @property
+    def _simulated(self) -> list[tuple[str, float, float]]:
+        """Ranges of speed and elevation in MuJoCo; none unless the library was carried out."""
+        launches = self.reader.arrays.get("simulated", np.empty((0, 3)))
+        columns = launches[~np.isnan(launches[:, 0]), :2].T
+        return [(AXES[k], min(each), max(each)) for k, each in enumerate(columns) if len(each)]
+
     def _rows(self) -> Iterable[Row]:
         yield "robot", str(self.reader.arrays["robot"]), ""
         for name, low, high in zip(AXES, self.reader.lower, self.reader.upper, strict=True):
             yield name, _shown(name, low, high), ""
         yield "motions", len(self.reader.arrays["coefficients"]), ""
         yield "covered share of the ranges", self.covered, ""
+        for name, low, high in self._simulated:
+            yield f"{name} in MuJoCo", _shown(name, low, high), ""
 
     def to_json(self) -> dict[str, Any]:
         """Return the ranges and the share of them that is covered."""
@@ -246,6 +261,8 @@ class KickLibrary(ReprMixin):
     ) -> "LibraryKick":
         """Return the kick that meets a goal, or why there is none.
 
+        By `strike`, or in MuJoCo if `kickdyn.correct_library` has carried the library out.
+
         Args:
             goal: seen from where the ball lies, in the axes in which the robot stands.
             ball_position: x and y of the ball's centre in the axes of the library, in which the
@@ -260,24 +277,47 @@ class KickLibrary(ReprMixin):
         place = 0.5 * (self.reader.lower + self.reader.upper)[3:]
         if ball_position is not None:
             place = validation.vector("ball_position", ball_position, 2, unit="m")
-        return self._kick_with(plan_launch(goal, self._ball, air).velocity, place)
+        launch = plan_launch(goal, self._ball, air)
+        return self.kick_for([*launch_axes(launch.velocity), *place])
 
-    def _kick_with(self, velocity: Array, place: Array) -> "LibraryKick":
-        """Return the kick with a launch, `(3,)` [m/s], of a ball at a place, `(2,)` [m]."""
-        vx, vy, vz = velocity
-        speed, azimuth = math.hypot(vx, vy, vz), math.atan2(vy, vx)
+    def kick_for(self, point: ArrayLike) -> "LibraryKick":
+        """Return the kick that gives speed, elevation and azimuth to a ball at x and y, `(5,)`.
+
+        If `kickdyn.correct_library` has carried the library out, the ball has them in MuJoCo.
+        """
+        point, reader = self._on_axes(point), self.reader
+        if "simulated" not in reader.arrays:
+            return self._turned(point)
+        if (np.clip(point, reader.lower, reader.upper) != point)[3:].any():
+            return self.kick_at(point)  # none, with the reason
+        found = reader.correct(point)
+        if found is None:
+            ranges = ", ".join(f"{name} {_shown(name, *ends)}" for name, *ends in self._simulated)
+            reason = f"no kick has this launch in MuJoCo; those of the library have {ranges}"
+            return LibraryKick(self, point, 0.0, reason, None)
+        place, turn = found
+        if self._standing is None:  # it cannot be turned
+            place, turn = place + turn * np.eye(5)[2], 0.0
+        return replace(self.kick_at(place, turn), corrected_by="mujoco")
+
+    def _turned(self, point: Array) -> "LibraryKick":
+        """Return the kick with a launch by `strike`, of a robot that is turned if need be."""
         low, high = self.reader.lower[2], self.reader.upper[2]
-        heading = 0.0
-        if self._standing is not None and not low <= azimuth <= high:
-            heading, azimuth = azimuth - 0.5 * (low + high), 0.5 * (low + high)
-        return self.kick_at(np.array([speed, math.asin(vz / speed), azimuth, *place]), heading)
+        if self._standing is None or low <= point[2] <= high:
+            return self.kick_at(point)
+        middle = 0.5 * (low + high)
+        return self.kick_at([*point[:2], middle, *point[3:]], point[2] - middle)
+
+    def _on_axes(self, point: ArrayLike) -> Array:
+        """Return a point, `(5,)`, with exactly the single values that axes have."""
+        reader, point = self.reader, validation.vector("point", point, 5)
+        single = (reader.upper == reader.lower) & (np.abs(point - reader.lower) <= SAME)
+        return np.where(single, reader.lower, point)
 
     def kick_at(self, point: ArrayLike, heading: float = 0.0) -> "LibraryKick":
         """Return the kick at speed, elevation, azimuth, x and y, `(5,)`, of a turned robot."""
-        reader, point = self.reader, validation.vector("point", point, 5)
-        single = (reader.upper == reader.lower) & (np.abs(point - reader.lower) <= SAME)
-        point = np.where(single, reader.lower, point)
-        kick = reader.kick(point)
+        point = self._on_axes(point)
+        kick = self.reader.kick(point)
         reason = "" if kick is not None else self._why_not(point)
         return LibraryKick(self, point, heading, reason, kick)
 
@@ -306,7 +346,8 @@ class KickLibrary(ReprMixin):
         if not isinstance(launch, Launch) or not isinstance(path, Flight):
             raise InvalidInput("the plan is a pass or a trap: a library has none")
         place = plan.impact.ball_before.position[:2]
-        kick = self._kick_with(pin.rpy.rpyToMatrix(0.0, 0.0, -plan.heading) @ wished, place)
+        wished = pin.rpy.rpyToMatrix(0.0, 0.0, -plan.heading) @ wished
+        kick = self._turned(self._on_axes([*launch_axes(wished), *place]))
         kick = replace(kick, heading=kick.heading + plan.heading)
         return self._plan(kick, plan.aim, launch, path.air)
 
@@ -339,7 +380,7 @@ class KickLibrary(ReprMixin):
             share=1.0,
             impact_target=target,
             impact=impact,
-            path=path_to_target(impact, goal, air, None, time),
+            path=path_to_target(impact, goal, air, None, None if kick.corrected_by else time),
             speed_use=speed_use,
             torque_use=torque_use,
             binding=(),
@@ -347,6 +388,7 @@ class KickLibrary(ReprMixin):
             heading=0.0,
             balance=None if standing is None else Balance(standing).distance(impact.posture),
             motion=motion,
+            corrected_by=kick.corrected_by,
         )
         return turn_plan(plan, kick.heading) if kick.heading else plan
 
@@ -408,6 +450,8 @@ class LibraryKick(ReprMixin):
         heading: angle by which the robot must be turned to the left [rad].
         reason: why there is no kick, and the nearest one; empty where there is one.
         interpolated: the motion at the impact, and its margins; None without one.
+        corrected_by: `mujoco` if the ball is to have the wished launch there, by another one by
+            `strike`, that of `point`; otherwise empty.
     """
 
     library: KickLibrary = field(repr=False)
@@ -415,6 +459,7 @@ class LibraryKick(ReprMixin):
     heading: float
     reason: str
     interpolated: InterpolatedKick | None = field(repr=False)
+    corrected_by: str = ""
 
     def __post_init__(self) -> None:
         freeze_arrays(vars(self))
@@ -424,6 +469,8 @@ class LibraryKick(ReprMixin):
         for name, value in zip(AXES, self.point, strict=True):
             yield name, _shown(name, value, value), ""
         yield "heading", math.degrees(self.heading), "deg"
+        if self.corrected_by:
+            yield "corrected by", self.corrected_by, ""
         for unit, row in {"": "least margin", "m": "least distance", "rad": "least angle"}.items():
             margins = {name: value for name, value in self.margins.items() if _unit(name) == unit}
             if margins:
@@ -433,7 +480,7 @@ class LibraryKick(ReprMixin):
     def to_json(self) -> dict[str, Any]:
         """Return the launch, the place of the ball and the margins."""
         place = dict(zip(AXES, self.point.tolist(), strict=True))
-        return attributes(self, "met reason heading margins") | place
+        return attributes(self, "met reason heading margins corrected_by") | place
 
     @property
     def met(self) -> bool:
@@ -459,8 +506,7 @@ class LibraryKick(ReprMixin):
     @cached_property
     def impact(self) -> Impact | None:
         """The impact by `strike`; None without a motion."""
-        motion = self.motion
-        if motion is None:
+        if (motion := self.motion) is None:
             return None
         restitution, friction = self.library.reader.arrays["impact"].tolist()
         contact = Contact(self.launch, restitution=restitution, friction=friction)

@@ -20,8 +20,10 @@ the robot stands on its supporting foot, z is up, and azimuth 0 is along x.
 
 import hashlib
 import os
+from functools import cached_property
+from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,8 +67,14 @@ ARRAYS = {
     "ball": "mass [kg], radius [m], height of its centre [m]",
     "impact": "coefficients of restitution and friction",
     "settling": "time in which joints that the impact pushes return to rest [s]",
+    "simulated": "speed, elevation and azimuth of the ball that the motion of a node gives in "
+    "MuJoCo, by `correct_library`; NaN where the foot misses, and absent before, (nodes, 3)",
 }
 """Arrays of a file, in SI units."""
+
+ITERATIONS, LAUNCH_ERROR, STEP = 30, 1e-6, 1e-4
+"""Most steps in which a launch is corrected, its error then, relative and in rad, and the share of
+a range over which slopes are differences."""
 
 
 class InterpolatedKick(NamedTuple):
@@ -125,14 +133,73 @@ class KickReader:
         number = self.cell(point)
         if number is None:
             return None
+        coefficients = self._interpolated("coefficients", point, number)
+        least = self.arrays["cell_margins"][number].tolist()
+        margins = dict(zip(self.limits, least, strict=True))
+        return InterpolatedKick(*self.with_exact_impact(coefficients, point), margins)
+
+    def _interpolated(self, name: str, point: Array, number: int) -> Array:
+        """Return values of the nodes, interpolated at a point of a cell."""
         a = self.arrays
-        low, high = (a[name][number, self.active] for name in ("cell_lower", "cell_upper"))
+        low, high = (a[end][number, self.active] for end in ("cell_lower", "cell_upper"))
         weights = np.ones(1)
         for share in (point[self.active] - low) / (high - low):
             weights = np.kron(weights, [1.0 - share, share])
-        coefficients = np.tensordot(weights, a["coefficients"][a["cell_nodes"][number]], 1)
-        margins = dict(zip(self.limits, a["cell_margins"][number].tolist(), strict=True))
-        return InterpolatedKick(*self.with_exact_impact(coefficients, point), margins)
+        return np.asarray(np.tensordot(weights, a[name][a["cell_nodes"][number]], 1))
+
+    @cached_property
+    def node_points(self) -> Array:
+        """Places of the nodes of the covered cells on the axes, `(nodes, 5)`; NaN for others."""
+        a = self.arrays
+        points = np.full((len(a["coefficients"]), 5), np.nan)
+        for number in np.flatnonzero(self._covered):
+            ends = np.stack([a["cell_lower"][number], a["cell_upper"][number]], axis=1)
+            corners = np.tile(self.lower, (len(a["cell_nodes"][number]), 1))
+            corners[:, self.active] = list(product(*ends[self.active]))
+            points[a["cell_nodes"][number]] = corners
+        return points
+
+    def correct(self, point: Array) -> tuple[Array, float] | None:
+        """Return the point whose kick has in MuJoCo the launch of another, and an angle [rad].
+
+        The robot must be turned to the left about the ball by the angle. The launches of the nodes
+        in MuJoCo are interpolated as their motions are, and Newton's method finds where they have
+        the speed and the elevation of `point`, `(5,)`. None is where they have not.
+        """
+        wished, low, high = np.asarray(point, dtype=float), self.lower, self.upper
+        scale, steps = np.array([1.0 / wished[0], 1.0]), STEP * np.diag(high - low)
+        free = self.active[self.active < 2]
+        far = np.abs((self.arrays["simulated"] - wished[:3])[:, :2] * scale).sum(axis=1)
+        far += np.abs(self.node_points[:, 3:] - wished[3:]).sum(axis=1)
+        if np.isnan(far).all():
+            return None
+        place = np.append(self.node_points[np.nanargmin(far), :3], wished[3:])
+        for _ in range(ITERATIONS):
+            launch = self._simulated(place)
+            if launch is None:
+                return None
+            error, turn = (wished[:2] - launch[:2]) * scale, float(wished[2] - launch[2])
+            azimuth = float(np.clip(place[2] + turn, low[2], high[2]))
+            if max(*np.abs(error), abs(azimuth - place[2])) < LAUNCH_ERROR:
+                return place, turn
+            slopes = np.zeros((2, len(free)))
+            for k, axis in enumerate(free):
+                near = ((n, self._simulated(place + n * steps[axis])) for n in (-1, 0, 1))
+                ends = [(n, at) for n, at in near if at is not None]
+                (n, first), (m, last) = ends[0], ends[-1]
+                slopes[:, k] = (last - first)[:2] * scale / (max(m - n, 1) * steps[axis, axis])
+            place[free] += np.linalg.lstsq(slopes, error, rcond=1e-6)[0]
+            place[2] = azimuth
+            place[:3] = np.clip(place, low, high)[:3]
+        return None
+
+    def _simulated(self, point: Array) -> Array | None:
+        """Return speed, elevation and azimuth in MuJoCo of the kick at a point, if any."""
+        number = self.cell(point)
+        if number is None:
+            return None
+        launch = self._interpolated("simulated", point, number)
+        return None if np.isnan(launch).any() else launch
 
     def with_exact_impact(
         self, coefficients: Array, point: Array
@@ -246,12 +313,24 @@ def read_kicks(file: str | os.PathLike[str]) -> KickReader:
     return KickReader(arrays)
 
 
+def write_kicks(out: BinaryIO, arrays: dict[str, Any]) -> None:
+    """Write the arrays of a library into an open file."""
+    np.savez_compressed(out, checksum=np.array(checksum(arrays)), **arrays)
+
+
 def launch_velocity(point: Array) -> Array:
     """Return the velocity of the ball's launch at a point of the axes, shape `(3,)` [m/s]."""
     speed, elevation, azimuth = point[:3]
     level = np.cos(elevation)
     direction = [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
     return np.asarray(speed * np.array(direction))
+
+
+def launch_axes(velocity: Array) -> Array:
+    """Return speed, elevation and azimuth of a velocity, `(3,)` [m/s, rad]."""
+    x, y, z = velocity
+    level = np.hypot(x, y)
+    return np.array([np.hypot(level, z), np.arctan2(z, level), np.arctan2(y, x)])
 
 
 def _rotations(axes: Array, angles: Array) -> Array:

@@ -18,7 +18,7 @@ from kickdyn.core.executors import STOPPED, in_order, reason_of_stop
 from kickdyn.core.files import replacing
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, Unfinished
-from kickdyn.planning.kick_reader import AXES, FORMAT, checksum
+from kickdyn.planning.kick_reader import AXES, FORMAT, write_kicks
 from kickdyn.planning.library_motions import (
     Found,
     Kicks,
@@ -253,8 +253,7 @@ class LibraryMaking:
         for cell in cells:
             if all(self.nodes.get(corner) == "" for corner in cell.corners()):
                 for key, corners in cell.checked():
-                    name = _name(key, corners)
-                    if name not in self.checks:
+                    if (name := _name(key, corners)) not in self.checks:
                         tasks[name] = key, corners
         jobs = [
             (self._point(key), np.mean([self._coefficients(c) for c in corners], axis=0))
@@ -300,9 +299,8 @@ class LibraryMaking:
         tasks = {}
         for cell in cells:
             for corner in cell.corners():
-                if corner in self.nodes:
-                    continue
-                tasks[corner] = self._motions_near(corner, cell.size)
+                if corner not in self.nodes:
+                    tasks[corner] = self._motions_near(corner, cell.size)
         self._plan([(key, near) for key, near in tasks.items() if near], len(self.nodes))
 
     def _write(self, cells: list[Cell]) -> None:
@@ -331,7 +329,7 @@ class LibraryMaking:
             "limits": np.array(labels),
         }  # fmt: skip
         with replacing(self.file) as draft, draft.open("wb") as out:
-            np.savez_compressed(out, checksum=np.array(checksum(arrays)), **arrays)
+            write_kicks(out, arrays)
         for part in self.folder.iterdir():
             part.unlink()
         self.folder.rmdir()

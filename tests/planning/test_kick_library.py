@@ -93,6 +93,23 @@ def test_goals_are_met_by_their_launch(library):
         library.kick(kd.Goal(5.3, speed=12.2, spin=(0, -5, 0)))
 
 
+def test_corrections_invert_launches_that_are_linear_in_those_of_the_nodes(library, points):
+    slopes, offset = np.array([[1.05, 0.3, 0], [0.02, 0.6, 0], [0, 0, 1]]), np.array([0.1, 0.2, 0])
+    corrected = KickLibrary(library.file, library.robot)
+    nodes = corrected.reader.node_points
+    corrected.reader.arrays["simulated"] = nodes[:, :3] @ slopes.T + offset
+    for point in points:
+        wished = slopes @ point[:3] + offset
+        agrees(corrected.kick_for([*wished, *point[3:]]).point, point, 1e-5)
+    launch = kick_reader.launch_velocity(wished)
+    plan = corrected.plan(kd.Goal(0.4 * launch - [0, 0, 9.81 * 0.08], time=0.4))
+    agrees(plan.launch.velocity, launch, closed_form(1e4))
+    agrees(plan.impact.ball_after.velocity, kick_reader.launch_velocity(point), 1e-5)
+    assert plan.corrected_by == "mujoco"
+    assert "no kick has this launch in MuJoCo" in corrected.kick_for([9, 0.6, 0, *point[3:]]).reason
+    assert "x is" in corrected.kick_for([*wished, 5.0, point[4]]).reason
+
+
 def test_samples_are_those_of_the_motion(library, points):
     kick = library.kick_at(points[0])
     t, q, v = library.reader.samples(kick.interpolated, 100.0)
@@ -201,7 +218,6 @@ def test_what_is_no_point_is_refused(library):
     for point in (library.reader.lower[:2], np.full(5, np.nan)):
         with pytest.raises(InvalidInput, match="point"):
             library.kick_at(point)
-    for point in (library.reader.lower[:2], np.full(5, np.nan)):
         with pytest.raises(ValueError, match="5 finite numbers, speed"):
             library.reader.kick(point)
 

@@ -56,12 +56,17 @@ test-all: package
 	set -e; for version in $(PYTHONS); do \
 		$(MAKE) test test-slow PYTHON=python$$version VENV=.venv-$$version; done
 
-## package: wheel and sdist in dist/, their metadata checked, each installed into an empty environment and run
+## package: wheel and sdist in dist/, the same bytes twice, checked, each installed into an empty environment and run
 package: $(VENV)/.dev
 	@echo "This takes about two minutes, most of it to install kickdyn twice."
 	rm -rf dist build/package
 	$(BIN)/hatchling build
+	$(BIN)/hatchling build -d build/package/again
+	cd dist && for built in *; do cmp $$built ../build/package/again/$$built || exit 1; done
 	$(BIN)/twine check --strict dist/*
+	$(PYTHON) -m venv --clear build/package
+	build/package/bin/python -m pip --disable-pip-version-check install --quiet check-wheel-contents
+	build/package/bin/check-wheel-contents dist/*.whl
 	set -e; for built in dist/*.whl dist/*.tar.gz; do \
 		$(PYTHON) -m venv --clear build/package; \
 		build/package/bin/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt $$built; \

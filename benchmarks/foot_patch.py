@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 
 import kickdyn as kd
 from kickdyn.core.validation import Array
-from kickdyn.impact.patch_contact import FootPatch, overlap
+from kickdyn.impact.patch_contact import STIFFNESS_RATIO, FootPatch, overlap
 
 SPEED, WIDTH = 17.0, 0.08
 """Of the foot [m/s], and of the strip [m]."""
@@ -42,18 +42,22 @@ FOOT = sliding_foot()
 
 
 def kicked(
-    offset: float, friction: float, width: float = WIDTH, angle: float = 0.0
+    offset: float,
+    friction: float,
+    width: float = WIDTH,
+    angle: float = 0.0,
+    grip: float = STIFFNESS_RATIO,
 ) -> kd.Collision:
     """Return a kick whose path is at an angle to the normal of the strip [rad]."""
     v = SPEED * np.array([math.cos(angle), math.sin(angle), 0.0])
     contact = kd.Contact((1, 0, 0), "inflated", friction)
-    patch = FootPatch(width, offset)
+    patch = FootPatch(width, offset, grip=grip)
     return kd.collide(FOOT, v, INFLATED, contact, model=patch, tol=1e-7)
 
 
-def spin(offset: float, friction: float, width: float = WIDTH, angle: float = 0.0) -> float:
+def spin(offset: float, friction: float, width: float = WIDTH, **options: float) -> float:
     """Return the size of the ball's spin [rad/s]."""
-    return math.hypot(*kicked(offset, friction, width, angle).ball_after.spin)
+    return math.hypot(*kicked(offset, friction, width, **options).ball_after.spin)
 
 
 def given_up(offset: float) -> tuple[float, float]:

@@ -8,9 +8,9 @@ A line for each kick as it was planned, and after two corrections: errors of the
 direction, miss of the target and of the planned flight 3 m away, whether the robot stands 1 s
 later, and processor time. A plate at the contact point strikes the ball, or the robot's own foot;
 a kick corrected with the plate is also carried out with the own foot. Then, for the kick corrected
-with the own foot, a table of both errors with the ball displaced, and runs with the noise of
-`kd.KickNoise()` (masses 2 %, friction 10 %, commands up to 5 ms late, place of the ball 5 mm): how
-many robots stand, and how the balls scatter.
+with the own foot, a table of both errors with the ball displaced, and for either foot runs with the
+noise of `kd.KickNoise()` (masses 2 %, friction 10 %, commands up to 5 ms late, place of the ball
+5 mm): how many robots stand, and how the balls scatter.
 
 With `--surfaces`, straight kicks over 2, 3 and 4 m with the surfaces of each robot's foot: change
 of direction and speed per cm that the ball is displaced, along and across, by
@@ -234,8 +234,9 @@ def main() -> None:
             run = kd.run_in_mujoco(plan, tuning=contact.tuning, foot=foot)
             print(f"  {text}: {describe(run)}", *run.doubts, sep="\n    ", flush=True)
         print_displacements(plan, contact)
-        if arguments.runs:
-            print(kd.run_with_noise(plan, arguments.runs, tuning=contact.tuning), flush=True)
+        for foot in ("plate", "shapes") if arguments.runs else ():
+            options = {"tuning": contact.tuning, "foot": foot}
+            print(foot, kd.run_with_noise(corrected[foot], arguments.runs, **options), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
 """Sphinx configuration of the site. `make docs` builds it, with warnings as errors."""
 
 import re
+import sys
+from pathlib import Path
 from typing import Generic, TypeVar
 
 import numpy.typing
@@ -22,6 +24,9 @@ class NDArray(Generic[Scalar]):
 
 # The modules of kickdyn are not loaded yet: `import kickdyn` loads a module when a name is used.
 numpy.typing.ArrayLike, numpy.typing.NDArray = ArrayLike, NDArray
+
+sys.path.insert(0, str(Path(__file__).parent))
+import reference_tables  # noqa: E402  # loads modules of kickdyn
 
 project = "kickdyn"
 author = "The kickdyn authors"
@@ -85,8 +90,17 @@ def _dash(app, doctree):
             text.parent.replace(text, nodes.Text(" \N{EN DASH} "))
 
 
+def _tables(app, page, source):
+    """Insert what a page has from the code, in every build anew."""
+    text = reference_tables.with_tables(page, source[0])
+    if text != source[0]:
+        source[0] = text
+        app.env.note_reread()
+
+
 def setup(app):
-    """Register the math renderer, the escaping of docstrings and the dashes of parameters."""
+    """Register the math renderer, the escaping of docstrings, and what changes pages."""
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     app.connect("autodoc-process-docstring", _escape, priority=400)  # before napoleon
     app.connect("doctree-read", _dash)
+    app.connect("source-read", _tables)

@@ -1,22 +1,31 @@
-"""Write the tables of docs/reference that are made from the code.
+"""What the pages have from the code, from references.bib and from validation.csv.
 
-    python docs/reference_tables.py
+    python docs/reference_tables.py reference/scene-file
 
-A page keeps its own text; what stands between two marks of one name is written anew.
+prints a page with its tables. `make docs` inserts them in the site. A mark such as `<!-- keys -->`
+is the place of a table in a page, and a block `{api}` lists names whose docstrings are shown.
 """
 
+import csv
+import inspect
+import pkgutil
 import re
+import sys
+import tomllib
 from collections.abc import Iterable
 from itertools import takewhile
 from pathlib import Path
 
+from kickdyn.aerodynamics import drag, lift, spin_decay
+from kickdyn.cli.commands import COMMANDS
 from kickdyn.core.files import shipped
 from kickdyn.ground import SURFACES
+from kickdyn.paper.item import MEANINGS
 from kickdyn.restitution import format_restitution
 from kickdyn.scene.scene_tables import TABLES, Table, quoted
 from kickdyn.sweeps.dataset import VARIABLES
 
-FOLDER = Path(__file__).resolve().parent / "reference"
+DOCS = Path(__file__).resolve().parent
 
 
 def table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -68,6 +77,38 @@ def scene_keys() -> str:
     return "\n\n".join(blocks)
 
 
+GUIDES = {
+    "check": "[your own robot](../how-to/own-robot.md)",
+    "check-motion": "[recorded motions](../how-to/recorded-motions.md)",
+    "posture-sweep": "[sweeps](../how-to/sweeps.md)",
+    "plan": "[planning](../explanation/planning.md)",
+    "reach": "[standing](../explanation/standing.md#reach)",
+    "kick-library": "[a kick in milliseconds](../how-to/kick-library.md)",
+    "paper": "[the paper](../explanation/paper.md)",
+    "tradeoff": "[which function](../how-to/which-function.md)",
+    "simulate": "[tolerance](../how-to/tolerance.md)",
+    "tune-mujoco": "[MuJoCo](../how-to/mujoco.md)",
+    "identify": "[ball tracks](../how-to/identification.md)",
+    "view": "[pages](../how-to/pages.md)",
+}
+"""The page that explains each command."""
+
+
+def commands() -> str:
+    """Return the commands with their summaries and guides."""
+    rows = ([f"`kickdyn {name}`", text, GUIDES[name]] for name, (_, text) in COMMANDS.items())
+    return table(("command", "purpose", "guide"), rows)
+
+
+def options() -> str:
+    """Return the directives of sphinx-click for all commands."""
+    blocks = (
+        f".. click:: kickdyn.cli.{file}:{name.replace('-', '_')}\n   :prog: kickdyn {name}"
+        for name, (file, _) in COMMANDS.items()
+    )
+    return "```{eval-rst}\n" + "\n\n".join(blocks) + "\n```"
+
+
 def variables() -> str:
     """Return the variables of the dataset of a sweep."""
     rows = [[f"`{name}`", unit, meaning] for name, (unit, meaning) in VARIABLES.items()]
@@ -103,7 +144,7 @@ def scenes() -> str:
 
 def references() -> str:
     """Return the references of `docs/references.bib`, by author."""
-    text = (FOLDER.parent / "references.bib").read_text(encoding="utf-8")
+    text = (DOCS / "references.bib").read_text(encoding="utf-8")
     lines = []
     for entry in re.findall(r"^@\w+\{\w+,\n(.*?)\n\}", text, re.DOTALL | re.MULTILINE):
         has = dict(re.findall(r"^  (\w+) = \{(.*)\},$", entry, re.MULTILINE))
@@ -120,30 +161,119 @@ def references() -> str:
     return "\n".join(sorted(lines))
 
 
-PAGES = {
-    "bibliography.md": {"references": references},
-    "scene-file.md": {"scenes": scenes, "keys": scene_keys, "surfaces": surfaces},
-    "dataset.md": {"variables": variables},
-}
-"""By page, the marks and what stands between two of them."""
-
-
-def current(page: str) -> str:
-    """Return the text of a page, with its tables written anew."""
-    text = (FOLDER / page).read_text(encoding="utf-8")
-    for name, block in PAGES[page].items():
-        mark = f"<!-- {name} -->"
-        text, found = re.subn(
-            f"{mark}\n.*?{mark}",
-            lambda _, m=mark, b=block: f"{m}\n\n{b()}\n\n{m}",
-            text,
-            flags=re.S,
+def drives() -> str:
+    """Return the drives of robots by name, with the comments and sources of their files."""
+    rows = []
+    for file in sorted(shipped("drives").glob("*.toml")):
+        text = file.read_text("utf-8")
+        content = tomllib.loads(text)
+        joints = {}
+        for joint, drive in content["joints"].items():
+            rotor, gear = drive["rotor_inertia_kg_m2"], drive.get("gear", 1)
+            size = f"{rotor * gear**2:.4g}" + (
+                f" ({rotor:g} behind {gear:g}:1)" if gear > 1 else ""
+            )
+            if "torque_limit_n_m" in drive:
+                size += f", torque limit {drive['torque_limit_n_m']:g} N m"
+            joints.setdefault(size, []).append(f"`{joint}`")
+        inertias = "; ".join(f"{', '.join(names)} {size}" for size, names in joints.items())
+        comment = " ".join(
+            line.strip("# ") for line in takewhile(lambda line: line[:1] == "#", text.splitlines())
         )
-        if found != 1:
-            raise RuntimeError(f"{page} has no place for {name}")
-    return text
+        rows.append([file.stem, inertias or "none", comment, content["source"]])
+    return table(("robot", "reflected inertia J n² [kg m²]", "notes", "source"), rows)
+
+
+def coefficients() -> str:
+    """Return the models of drag, lift and spin decay with their ranges and sources."""
+    models = [*drag.MODELS.values(), *lift.MODELS.values(), *spin_decay.MODELS.values()]
+    rows = (
+        [
+            f"{model.kind} `{model.name}`",
+            *(f"{low:.3g} to {high:.3g}" for low, high in (model.reynolds, model.spin)),
+            model.source,
+        ]
+        for model in models
+    )
+    return table(("model", "Re", "spin parameter", "source"), rows)
+
+
+def verdicts() -> str:
+    """Return the verdicts of `kickdyn paper` with their meanings."""
+    return table(("verdict", "meaning"), ([f"`{name}`", text] for name, text in MEANINGS.items()))
+
+
+def measurements() -> str:
+    """Return the comparisons of `docs/explanation/validation.csv`, without their assumptions."""
+    text = (DOCS / "explanation" / "validation.csv").read_text(encoding="utf-8")
+    _, *rows = csv.reader(text.splitlines())
+    cells = ([*row[:4], re.sub("partly|disagrees", r"**\g<0>**", row[4])] for row in rows)
+    return table(("", "quantity", "measured", "kickdyn", "verdict"), cells)
+
+
+PAGES = {
+    "reference/commands": {"commands": commands, "options": options},
+    "reference/bibliography": {"references": references},
+    "reference/scene-file": {"scenes": scenes, "keys": scene_keys, "surfaces": surfaces},
+    "reference/dataset": {"variables": variables},
+    "explanation/paper": {"verdicts": verdicts},
+    "explanation/robots": {"drives": drives},
+    "explanation/theory": {"coefficients": coefficients},
+    "explanation/validation": {"measurements": measurements},
+}
+"""By page, the marks and the functions that return their tables."""
+
+
+OPTIONS = {
+    "Leg": ("inherited-members:",),
+    "Posture": ("inherited-members: ReprMixin",),
+    "Impact": ("inherited-members: ReprMixin",),
+    "Collision": ("inherited-members: ReprMixin",),
+    "Launch": ("show-inheritance:",),
+    "Pass": ("show-inheritance:",),
+    "impact.laws.LAWS": ("no-value:",),
+    "paper.assumptions.DEFAULT": ("no-value:",),
+    "paper.assumptions.LIFT_WITHOUT_CRISIS": ("no-value:",),
+}
+"""Options of autodoc for names of the API; classes and modules also have `members`."""
+
+
+def docstring_of(name: str) -> str:
+    """Return the directive of autodoc for a name below `kickdyn`."""
+    value = pkgutil.resolve_name(f"kickdyn:{name}" if "." not in name else f"kickdyn.{name}")
+    options = [*OPTIONS.get(name, ())]
+    if inspect.ismodule(value):
+        kind = "module"
+    elif inspect.isclass(value):
+        kind = "exception" if issubclass(value, Exception) else "class"
+    else:
+        kind = "function" if inspect.isfunction(value) else "data"
+    named_tuple = kind == "class" and issubclass(value, tuple)  # its docstring has its members
+    if kind in ("module", "class") and not named_tuple:
+        options.insert(0, "members:")
+    return "\n".join([f".. auto{kind}:: kickdyn.{name}", *(f"   :{line}" for line in options)])
+
+
+def docstrings(names: str) -> str:
+    """Return the directives of autodoc for names, one a line."""
+    blocks = "\n\n".join(map(docstring_of, names.split()))
+    return f"```{{eval-rst}}\n{blocks}\n```"
+
+
+def with_tables(page: str, text: str) -> str:
+    """Return the text of a page with its tables in place of the marks, and with docstrings."""
+    for name, block in PAGES.get(page, {}).items():
+        mark = f"<!-- {name} -->"
+        if text.count(mark) != 1:
+            raise RuntimeError(f"{page}.md must have {mark} once")
+        text = text.replace(mark, block())
+    return re.sub(r"```\{api\}\n(.*?)```", lambda block: docstrings(block[1]), text, flags=re.S)
+
+
+def read(page: str) -> str:
+    """Return a page with its tables."""
+    return with_tables(page, (DOCS / f"{page}.md").read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":
-    for page in PAGES:
-        (FOLDER / page).write_text(current(page), encoding="utf-8")
+    print("\n".join(map(read, sys.argv[1:])))

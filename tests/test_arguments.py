@@ -45,7 +45,7 @@ GOOD = {
     "distance": 9.15, "height": 1.9, "draws": 2, "frame": "toe", "joint": "hip", "name": "bolt",
     "result": "speed", "what": "a flight", "surface": "heel", "postures": {"hip": [0.1]},
     **{name: {"knee": 0.1} for name in ("joints", "rotors", "values")},
-    **dict.fromkeys(("path", "file"), "no/such/file"),
+    **dict.fromkeys(("path", "file", "library"), "no/such/file"),
 }  # fmt: skip
 """A valid argument for every required parameter, by its name."""
 

@@ -1,6 +1,7 @@
 """Numbers of validation.md, paper.md and the README are those of benchmarks and of items."""
 
 import re
+import runpy
 from collections import Counter
 from pathlib import Path
 
@@ -20,13 +21,14 @@ README, PAPER = (
 )
 
 
-def rows(path):
+def rows(text):
     """Return the cells of the rows of comparisons on a page."""
-    lines = path.read_text("utf-8").splitlines()
+    lines = text.replace("`", "").splitlines()
     return [line.strip("| ").split(" | ") for line in lines if re.match(r"\| [MAPV]\d+ \|", line)]
 
 
-PAGE, SHORT = rows(EXPLANATION / "validation.md"), rows(ROOT / "README.md")
+MADE = runpy.run_path(str(ROOT / "docs" / "reference_tables.py"))["read"]("explanation/validation")
+PAGE, SHORT = rows(MADE), rows((ROOT / "README.md").read_text("utf-8"))
 
 
 @pytest.mark.slow
@@ -57,7 +59,8 @@ def test_the_rules_of_the_verdicts():
 
 def test_the_readme_repeats_rows_of_the_pages_and_counts_all_of_them():
     """A row with two verdicts counts by the first, which is that of the default."""
-    pages = {(row[0], *row[2:5]) for row in (*PAGE, *rows(EXPLANATION / "verification.md"))}
+    checks = rows((EXPLANATION / "verification.md").read_text("utf-8"))
+    pages = {(row[0], *row[2:5]) for row in (*PAGE, *checks)}
     assert {(row[0], *row[2:]) for row in SHORT} <= pages
     verdicts = [row[4] for row in PAGE if row[0][0] in "MA" and row[4] != "fitted"]
     counts = Counter(verdict.split()[0].strip("*,") for verdict in verdicts)

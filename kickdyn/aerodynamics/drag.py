@@ -3,8 +3,8 @@ r"""Drag coefficients :math:`C_D(Re, Sp)` of spheres and soccer balls.
 :math:`F_D = \frac{1}{2} \rho A C_D v^2`, against the velocity relative to the air (Eq. 12).
 
 A new model is a function `(reynolds, spin_parameter) -> float` with floats and `math` only, and an
-entry in `MODELS` at the end of this file. Tests require its row in `docs/explanation/theory.md` and
-its formula in `tests/extremes/exact_coefficients.py`.
+entry in `MODELS` at the end of this file. Tests require its formula in
+`tests/extremes/exact_coefficients.py`; the table of `docs/explanation/theory.md` follows.
 """
 
 import math

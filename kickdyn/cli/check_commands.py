@@ -116,5 +116,5 @@ def check_motion(
     output.write_json(found.to_json())
     output.print_rows(motion, found)
     output.save_plot(found.plot)
-    output.save_page(motion)
+    output.save_page(found)
     output.name_written(output.plot, output.view)

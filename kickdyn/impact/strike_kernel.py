@@ -189,13 +189,13 @@ def slip_batch(state, ball, u, contact):  # type: ignore[no-untyped-def]
     x, y = p * (mu * (g11 * c + g12 * s) + g13) + u1, p * (mu * (g12 * c + g22 * s) + g23) + u2
     enough = resistance > 0.01 * (mu * (magnitude(g13) + magnitude(g23)) + g33)
     converged = magnitude(turn) + magnitude(size - 1.0) <= CONVERGED
-    found = (state.slips > 0.0) & single & enough & converged & (c * x + s * y <= 0.0)
+    solved = (state.slips > 0.0) & single & enough & converged & (c * x + s * y <= 0.0)
     impulse = mu * p * c, mu * p * s, p
     for i in range(3):
-        state.impulse[i] = choose(found, impulse[i], state.impulse[i])
+        state.impulse[i] = choose(solved, impulse[i], state.impulse[i])
     lost = energy_lost(impulse, u, (x, y), e)
-    state.energy_lost = choose(found, lost, state.energy_lost)
-    state.slips = choose(found, 0.0, state.slips)
+    state.energy_lost = choose(solved, lost, state.energy_lost)
+    state.slips = choose(solved, 0.0, state.slips)
 
 
 @inlined

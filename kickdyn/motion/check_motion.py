@@ -65,6 +65,7 @@ class MotionCheck(ReprMixin):
 
     Attributes:
         motion: that is checked.
+        ball: that it would strike.
         launches: along `frame`, with its `time` [s]: `foot_velocity`, `foot_speed`,
             `contact_height`, the `normal` and the `ball_position` of a ball on the ground,
             `effective_mass`, `approach_speed`, `ball_velocity`, `ball_spin`, `ball_speed`,
@@ -78,6 +79,7 @@ class MotionCheck(ReprMixin):
     """
 
     motion: RecordedMotion
+    ball: Ball
     launches: xr.Dataset
     forces: GroundForces
     margins: Mapping[str, Array]
@@ -98,7 +100,7 @@ class MotionCheck(ReprMixin):
         yield "frames", len(self.motion.t), ""
         yield "frames with an impact", int((self.launches.status < 2).sum()), ""
         if self.forces.feet:
-            yield "frames without a standing foot", int((~self.forces.stands.any(axis=1)).sum()), ""
+            yield "frames without support", int((~self.forces.stands.any(axis=1)).sum()), ""
         if (best := self.best) is not None:
             row, (joint, impulse) = self.launches.isel(frame=best), self.worst_joint(best)
             for name in ("time", *SCALARS):
@@ -106,7 +108,7 @@ class MotionCheck(ReprMixin):
                 if unit == "rad":
                     value, unit = math.degrees(value), "deg"
                 yield f"best frame, {name.replace('_', ' ')}", value, unit
-            yield f"best frame, impulse in {joint}", impulse, "N s"
+            yield "best frame, worst joint", f"{joint}, {impulse:.4g} N s", ""
         for limit in self.broken[:SHOWN_LIMITS]:
             yield "broken", limit.sentence, ""
         if len(self.broken) > SHOWN_LIMITS:
@@ -237,7 +239,7 @@ def check_motion(
                         "one")  # fmt: skip
     launches = _launches(recorded, bare, ball, contact, forces, ground)
     margins, broken = margins_of(recorded, robot, forces, floor, friction)
-    check = MotionCheck(recorded, launches, forces, margins, broken, tuple(warnings))
+    check = MotionCheck(recorded, ball, launches, forces, margins, broken, tuple(warnings))
     if check.best is not None and not launches.faces.values[check.best]:
         warnings.append(f"{robot.frame} cannot meet the ball of the best frame with its surface: "
                         "the normal is outside its cone (`faces`)")  # fmt: skip

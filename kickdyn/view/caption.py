@@ -33,11 +33,16 @@ def kick_panel(
     """Return the panel of a kick, with lines of plain text and `more` rows of a result."""
     name = impact.posture.leg.name
     rows = [*_impact_rows(impact), *_path_rows(path)]
-    rows += [(escape(head), escape(f"{format_value(x)} {unit}")) for head, x, unit in more]
+    rows += html_rows(more)
     if name:
         rows.insert(0, ("leg", _name(name)))
     title = f"Ball at {float(impact.ball_after.speed):.4g} m/s"
     return panel_of(title, rows, text, _joints(impact), warnings)
+
+
+def html_rows(rows: Iterable[tuple[str, object, str]]) -> list[Row]:
+    """Return rows of a result as HTML."""
+    return [(escape(head), escape(f"{format_value(x)} {unit}".strip())) for head, x, unit in rows]
 
 
 def panel_of(

@@ -21,6 +21,7 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
 from kickdyn.identification.identification_result import Identification
 from kickdyn.impact.impact_result import Impact
+from kickdyn.motion.check_motion import MotionCheck
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_record import RecordedMotion
 from kickdyn.planning.kick_plan import KickPlan
@@ -31,7 +32,7 @@ from kickdyn.robot.leg import Leg, Posture
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.view import marks
-from kickdyn.view.caption import draw_flights, kick_panel, panel_of
+from kickdyn.view.caption import draw_flights, html_rows, kick_panel, panel_of
 from kickdyn.view.document import DrawnScene, html_document, recording_viewer, save_picture, to_glb
 from kickdyn.view.kick_scene import RATE, Pace, draw_kick
 from kickdyn.view.leg_figure import BallPath, SimulatedRun, draw_leg, joint_poses, move_leg
@@ -42,7 +43,7 @@ FRAME_HEIGHT = 600
 
 _Comparable = Impact | Flight | Course | Launch | Pass | Identification
 _MovingSubject = Impact | KickPlan | Scene | Simulation | SimulatedRun
-_LegAlone = Leg | Posture | Motion | RecordedMotion
+_LegAlone = Leg | Posture | Motion | RecordedMotion | MotionCheck
 
 
 class Page:
@@ -132,7 +133,8 @@ def page(
     A kick moves: an `Impact` with the ball's path, a `KickPlan` (with its `motion` if it has
     one), a `MujocoRun` beside its plan, a `Scene` or the `Simulation` of one. A scene is shown with
     its wall or goal, and its contact as instantaneous. A `Leg` (with all joints at 0), a `Posture`
-    and a `Motion`, or one of `read_motion`, are shown without a ball.
+    and a `Motion`, or one of `read_motion`, are shown without a ball, a `MotionCheck` with the
+    ball of its best frame.
     A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; the
     flight of an `Identification` is a curve with the measured positions as dots. Of several
     impacts, buttons choose the one that is shown.
@@ -184,8 +186,9 @@ def page(
 
 def _page_of_leg(subject: _LegAlone, caption: str) -> Page:
     viewer = recording_viewer()
-    if isinstance(subject, Motion | RecordedMotion):
-        robot = subject.robot if isinstance(subject, Motion) else subject.leg
+    if isinstance(subject, Motion | RecordedMotion | MotionCheck):
+        motion = subject.motion if isinstance(subject, MotionCheck) else subject
+        robot = motion.robot if isinstance(motion, Motion) else motion.leg
         panel, pace = draw_motion(viewer, subject, caption)
         return Page(viewer, f"{robot.name or 'leg'}: motion", panel, pace)
     posture = subject if isinstance(subject, Posture) else subject.posture(subject.configuration())
@@ -331,12 +334,16 @@ def draw_posture(viewer: Any, posture: Posture, text: str) -> str:
     return panel_of(leg.name or "leg", rows, text, warnings=posture.warnings)
 
 
-def draw_motion(viewer: Any, motion: Motion | RecordedMotion, text: str) -> tuple[str, Pace]:
+def draw_motion(
+    viewer: Any, subject: Motion | RecordedMotion | MotionCheck, text: str
+) -> tuple[str, Pace]:
     """Draw a robot in its motion, and return its numbers as HTML and the pace.
 
-    A recorded motion is shown as fast as it was.
+    A recorded motion is shown as fast as it was; if it is checked, with the ball of the best frame.
     """
-    is_recorded = isinstance(motion, RecordedMotion)
+    check = subject if isinstance(subject, MotionCheck) else None
+    motion = subject.motion if isinstance(subject, MotionCheck) else subject
+    is_recorded, warnings = isinstance(motion, RecordedMotion), list(motion.warnings)
     begin, end = motion.begin, motion.end
     count = round(RATE * (end - begin if is_recorded else MOTION_TIME))
     times = np.linspace(begin, end, count + 1)
@@ -344,6 +351,19 @@ def draw_motion(viewer: Any, motion: Motion | RecordedMotion, text: str) -> tupl
         leg, hit = motion.leg, 0 if motion.contact is None else motion.contact
         postures = [motion.q[motion.frame_at(time)] for time in times.tolist()]
         rows = [("motion", f"{begin:.4g} to {end:.4g} s, {motion.rate:.4g} frames per second")]
+        if check is not None:
+            lines = "broken", "warning"
+            found = list(check._rows())
+            rows += html_rows(
+                (name.removeprefix("best frame, "), value, unit)
+                for name, value, unit in found
+                if name not in lines
+            )
+            warnings = [f"{name}: {text}" for name, text, _ in found if name in lines]
+            if check.best is not None:
+                best = check.launches.isel(frame=check.best)
+                hit = float(best.time)
+                marks.draw_ball(viewer["ball"], check.ball.radius, best.ball_position.values)
     else:
         leg, hit = motion.robot, 0.0
         postures = [motion.q(time) for time in times.tolist()]
@@ -358,7 +378,7 @@ def draw_motion(viewer: Any, motion: Motion | RecordedMotion, text: str) -> tupl
         with animation.at_frame(viewer, number) as frame:
             move_leg(frame, "leg", leg, q)
     viewer.set_animation(animation, repetitions=math.inf)
-    return panel_of(leg.name or "leg", rows, text, warnings=motion.warnings), pace
+    return panel_of(leg.name or "leg", rows, text, warnings=warnings), pace
 
 
 def _draw(viewer: Any, leg: Leg, configurations: Sequence[Array]) -> None:

@@ -3,8 +3,6 @@
 import copy
 import math
 import pickle
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -132,16 +130,3 @@ def test_a_model_keeps_its_own_function_in_copies_and_pickles(again):
     twice = again(kd.Air(drag=ScaledCoefficient(mine, 2.0)))
     assert (twice.drag(1e5), repr(twice).count("'2 x brazuca'")) == (1.98, 1)
     assert all(again(model) is model for model in SHIPPED)
-
-
-def test_the_page_has_every_model_with_its_range_and_source():
-    page = Path(__file__).resolve().parents[2] / "docs" / "explanation" / "theory.md"
-    number = r"([0-9.e+]+|inf)"
-    row = rf"^\| (\w+) `(.*)` \| {number} to {number} \| {number} to {number} \| (.*) \|$"
-    rows = re.findall(row, page.read_text("utf-8"), re.MULTILINE)
-    table = {(kind, name): (tuple(map(float, ends)), source) for kind, name, *ends, source in rows}
-    assert set(table) == {(model.kind, model.name) for model in SHIPPED}
-    for model in SHIPPED:
-        ends, source = table[model.kind, model.name]
-        assert ends == pytest.approx((*model.reynolds, *model.spin), rel=0.01), model.name
-        assert model.source.startswith(source), model.name

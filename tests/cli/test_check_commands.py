@@ -51,14 +51,6 @@ def test_a_urdf_has_the_masses_and_the_joints_of_pinocchio(file):
         right = [*ends, model.effortLimit[k], model.velocityLimit[k]]
         assert numbers(seen[f"joint {name}"][0]) == pytest.approx(right, rel=SHOWN), name
     assert (seen["faces"][0], seen["drives"][0][:4]) == ("x", "none")
-    leg = kd.Leg.from_urdf(file, seen["feet"][0].split(", ")[-1])
-    moves = abs(leg.posture(leg.configuration()).jacobian[0])
-    speed = dict(zip(leg.joint_names, moves, strict=True))
-    ranges = re.findall(r"--joint (\w+)=(-?\d+):(-?\d+):10", kd.check(file).commands[-1])
-    assert {name for name, *_ in ranges} == set(sorted(speed, key=speed.get)[-2:])
-    for name, *ends in ranges:  # whole degrees within its range, up to 40 to either side
-        low, high = np.clip(np.degrees(leg.joint_range(name)), -40.0, 40.0)
-        assert [float(end) for end in ends] == [np.ceil(low - 1e-6), np.floor(high + 1e-6)]
 
 
 def test_of_a_leg_with_a_loop_no_kick_is_proposed():
@@ -344,9 +336,8 @@ def test_the_document_has_the_numbers_of_the_functions(swing, kickdyn):
     check = kd.check_motion(motion, kd.Leg.human(), kd.Ball(), kd.Contact(friction=0.3))
     assert ended.json == check.to_json()
     assert ended.json["best"]["time"] == pytest.approx(T[check.best])
-    assert ended.json["launches"]["ball_speed"].count(None) == 30 - sum(
-        np.isfinite(check.launches.ball_speed.values)
-    )
+    missing = int(check.launches.ball_speed.isnull().sum())
+    assert ended.json["launches"]["ball_speed"].count(None) == missing
 
 
 def test_plot_and_page_are_written_and_broken_limits_are_no_failure(swing, kickdyn, tmp_path):
@@ -356,7 +347,8 @@ def test_plot_and_page_are_written_and_broken_limits_are_no_failure(swing, kickd
     for file in ("swing.png", "swing.html", "swing.json"):
         assert f"wrote {file}" in ended.out
         assert (tmp_path / file).stat().st_size > 1000
-    assert "0 to 0.145 s, 200 frames per second" in (tmp_path / "swing.html").read_text("utf-8")
+    for text in ("0 to 0.145 s, 200 frames per second", "broken: torque of hip is beyond"):
+        assert text in (tmp_path / "swing.html").read_text("utf-8")
 
 
 @pytest.mark.parametrize(("words", "said"), [

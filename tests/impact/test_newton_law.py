@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,9 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 from tolerances import agrees, closed_form, optimized
+
+from kickdyn.impact.newton_law import meet_circle, slip_conic, slip_impulse
+from kickdyn.impact.strike_kernel import slip_batch, solve_newton_batch
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -86,6 +90,28 @@ def test_of_several_solutions_sticking_or_the_one_that_loses_most_is_taken(
             choices += 1
             assert sticking or lost == pytest.approx(max(losses), rel=optimized(1e-9)), seed
     assert choices > 0
+
+
+def test_of_a_batch_those_with_one_direction_of_slip_are_solved_at_once():
+    """Coupling and friction are strong: others have up to three directions."""
+    rng, n = np.random.default_rng(0), 2000
+    factor = rng.normal(size=(n, 3, 3)) * 10.0 ** rng.uniform(-2.0, 2.0, (n, 1, 3))
+    g = np.einsum("nij,nkj->ikn", factor, factor)[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    u, e, mu = rng.normal(0.0, 9.0, (3, n)), rng.uniform(0, 1, n), rng.uniform(0.1, 3.0, n)
+    u[2] = -0.1 * np.abs(u[2])
+    blank = {name: np.zeros(n) for name in ("energy_lost", "slips", "doubt")}
+    state = SimpleNamespace(delassus=g, impulse=np.zeros((3, n)), **blank)
+    solve_newton_batch(state, (0.0, 0.0), u, (e, mu), 1e-12)
+    with np.errstate(all="ignore"):  # of contacts that remain
+        slips = state.slips > 0.0
+        slip_batch(state, (0.0, 0.0), u, (e, mu))
+    solved = np.flatnonzero(slips & (state.slips == 0.0))
+    assert len(solved) > 0.5 * slips.sum()
+    for i in solved:
+        contact = tuple(g[:, i]), tuple(u[:, i]), e[i], mu[i]
+        impulse, lost = slip_impulse(*contact, meet_circle(slip_conic(*contact)))
+        agrees(state.impulse[:, i], impulse, optimized(1e-9))
+        assert state.energy_lost[i] == pytest.approx(lost, rel=optimized(1e-9))
 
 
 @pytest.mark.parametrize(("mobility", "across", "sticks"), [

@@ -52,20 +52,17 @@ def test_every_row_is_a_strike(seed, monkeypatch):
             one = kd.strike(leg.posture(q[i]), v[i], balls[i], contacts[i], **row)
         except kd.NoImpact:
             assert many.status[i] == StrikeStatus.NO_IMPACT.flag
-            assert np.isnan(many.impulse[i]).all()
-            assert np.isnan(many.joint_impulses[i]).all()
+            assert np.isnan([*many.impulse[i], *many.joint_impulses[i].flat]).all()
             continue
         assert (many.status[i] == StrikeStatus.STICKS.flag) == one.sticking
-        agrees(many.impulse[i], one.impulse, PROMISED)
-        agrees(many.joint_impulses[i], one.joint_impulses, PROMISED)
-        agrees(many.v_after[i], one.v_after, 100 * PROMISED)
-        agrees(many.energy_lost[i], one.energy_lost, 100 * PROMISED)
-        agrees(many.approach_speed[i], one.approach_speed, PROMISED)
+        for name in ("impulse", "joint_impulses", "approach_speed"):
+            agrees(getattr(many, name)[i], getattr(one, name), PROMISED)
+        for name in ("v_after", "energy_lost"):
+            agrees(getattr(many, name)[i], getattr(one, name), 100 * PROMISED)
         agrees(many.ball_velocity[i], one.ball_after.velocity, PROMISED)
         agrees(many.ball_spin[i], one.ball_after.spin, PROMISED)
         agrees(many.ball_position[i], one.ball_after.position, closed_form(10))
-    assert np.bincount(many.status, minlength=4)[:3].min() >= n // 6
-    assert StrikeStatus.FAILED.flag not in many.status
+    assert np.bincount(many.status, minlength=4).clip(0, n // 6).tolist() == [10, 10, 10, 0]
 
 
 @pytest.mark.parametrize(("last", "mass"), [(1e-4, 0.43), (1e-7, 0.43), (1e-7, 1e3)])
@@ -75,9 +72,9 @@ def test_rows_that_lose_digits_are_computed_at_once(last, mass, monkeypatch):
     leg = random_leg(np.random.default_rng(3), 5, last=last)
     q, v = rng.uniform(-1.5, 0.5, (40, 5)), rng.normal(0.0, 5.0, (40, 5))
     q[::5] += [2e6 * (leg.joint_unit(name) == "rad") for name in leg.joint_names]
-    for i in range(0, 40, 4):
-        row = contact.normal @ leg.posture(q[i]).jacobian
-        v[i] -= row * (row @ v[i]) / (row @ row)
+    for angles, speeds in zip(q[::4], v[::4], strict=True):
+        row = contact.normal @ leg.posture(angles).jacobian
+        speeds -= row * (row @ speeds) / (row @ row)
     monkeypatch.setattr(MODULE, "strike", not_to_be_called)
     many = kd.strike_many(leg, q, v, ball, contact)
     for i in np.flatnonzero(many.status < StrikeStatus.NO_IMPACT.flag):
@@ -87,11 +84,14 @@ def test_rows_that_lose_digits_are_computed_at_once(last, mass, monkeypatch):
         agrees(many.joint_impulses[i], one.joint_impulses, PROMISED + 10 ** -min(one.joint_digits))
 
 
-def test_one_ball_and_one_contact_serve_all_rows():
+@pytest.mark.parametrize("restitution", [0.8, "inflated"])
+def test_one_ball_and_one_contact_serve_all_rows(restitution):
     q, v = np.array([[0.7, 0.5, -0.3], [0.4, 0.6, -0.2]]), np.array([[6.6, -14.5, 6.6]] * 2)
-    one = kd.strike_many(LEG, q, v, BALL, CONTACT)
-    lists = kd.strike_many(LEG, q, v, [BALL] * 2, [CONTACT] * 2)
+    ball, contact = kd.Ball(pressure=80e3), kd.Contact((2, 0, 1), restitution, 0.4)
+    one = kd.strike_many(LEG, q, v, ball, contact)
+    lists = kd.strike_many(LEG, q, v, [ball] * 2, contact)
     assert one.impulse.tolist() == lists.impulse.tolist()
+    agrees(one.impulse[1], kd.strike(LEG.posture(q[1]), v[1], ball, contact).impulse, PROMISED)
     assert one.ball_after.velocity.shape == (2, 3)
     assert kd.strike_many(LEG, q[:0], v[:0], BALL, CONTACT).impulse.shape == (0, 3)
 
@@ -114,15 +114,13 @@ def test_slopes_are_those_of_the_sensitivity(leg, friction):
     contact = kd.Contact(velocity + 0.1 * velocity[[2, 0, 1]], 0.8, friction)
     many = kd.strike_many(leg, q, v, BALL, contact, slopes=True)
     assert many.status[2] == StrikeStatus.NO_IMPACT.flag
-    assert np.isnan(many.joint_impulses[2]).all()
-    slopes = many.slopes
     for i in range(2):
         impact = kd.strike(leg.posture(q[i]), v[i], BALL, contact)
         agrees(many.joint_impulses[i], impact.joint_impulses, closed_form(10))
         exact = impact.sensitivity()
         for source in ("q", "v"):
             for result in ("velocity", "spin"):
-                slope = getattr(slopes, f"{result}_by_{source}")[i]
+                slope = getattr(many.slopes, f"{result}_by_{source}")[i]
                 agrees(slope, getattr(exact, result)[source], differenced())
 
 

@@ -4,7 +4,6 @@ import io
 import json
 import re
 import struct
-import sys
 
 import matplotlib.image
 import meshcat.geometry as shapes
@@ -57,21 +56,6 @@ def test_what_two_scenes_share_is_on_the_page_once(commands_of):
     far = document.scene_parts([ball_at(2)], (), near, 7).numbers
     assert {number for command, number in far.items() if command not in near} == {7}
     assert all(near[command] == far[command] for command in near.keys() & far.keys())
-
-
-def test_the_browser_gets_the_page_the_time_and_the_file(monkeypatch, tmp_path):
-    """A browser that copies the page, and the end of its address, into the picture."""
-    browser, picture = tmp_path / "chromium", tmp_path / "a.png"
-    browser.write_text(
-        f"#!{sys.executable}\nimport sys\nfrom pathlib import Path\n"
-        "page, _, end = sys.argv[-1].partition('#')\n"
-        "(file,) = (x.partition('=')[2] for x in sys.argv if x.startswith('--screenshot='))\n"
-        "Path(file).write_text(Path(page.removeprefix('file://')).read_text() + end)\n"
-    )
-    browser.chmod(0o755)
-    monkeypatch.setattr(document.shutil, "which", lambda name: str(browser))
-    document.save_picture("the page ", picture, -0.125)
-    assert picture.read_text() == "the page picture&at=-0.125"
 
 
 @pytest.mark.slow

@@ -399,7 +399,7 @@ def bounces() -> Iterator[Row]:
     ]
     most = max(24.0 * math.hypot(*after.spin) / float(after.speed) for after in hits)
     yield Row(
-        "M8", "spin that friction of 1 instead of 0 adds, `grip` fitted", "13 rad/s at most",
+        "M8", "spin that friction of 1 instead of 0 adds, stiffness fitted", "13 rad/s at most",
         f"{added:.0f} rad/s, strip of the foot with `grip` = {GRIP}", "fitted",
         "One number for M8, M9 and M16: with it, a ball of M16 that grips turns "
         f"{percent(ends[2], 0)} faster than it rolls, and the spin of M9 is 0 to {most:.0f} rad/s "

@@ -56,7 +56,7 @@ test-all: package
 	set -e; for version in $(PYTHONS); do \
 		$(MAKE) test test-slow PYTHON=python$$version VENV=.venv-$$version; done
 
-## package: wheel and sdist in dist/, the same bytes twice, checked, each installed into an empty environment and run
+## package: wheel and sdist in dist/, built twice with equal bytes, checked, each installed into an empty environment and run
 package: $(VENV)/.dev
 	@echo "This takes about two minutes, most of it to install kickdyn twice."
 	rm -rf dist build/package

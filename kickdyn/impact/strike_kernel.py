@@ -84,9 +84,9 @@ LEAST_SHARE = 1e-12
 LEAST_RESISTANCE = 1e-10
 """Share of its mobility along the normal that a contact must resist with, or it is doubtful."""
 
-BORDER, CONVERGED = 1e-9, 1e-8
-"""Share by which the impulse for sticking must lie outside the cone, and the last turn [rad] of
-Newton's method, for `slip_batch` to have found the direction of slip."""
+BORDER, CONVERGED, ENOUGH = 1e-9, 1e-8, 0.01
+"""Share by which the impulse for sticking must lie outside the cone, last turn [rad] of Newton's
+method, and share that the resistance must keep of its terms, for `slip_batch` to solve a lane."""
 
 jitable(slip_impulse), jitable(slip_conic), jitable(meet_circle)
 inlined(stick_impulse), inlined(energy_lost)
@@ -144,16 +144,18 @@ def solve_newton_batch(state, ball, u, contact, least):  # type: ignore[no-untyp
 def slip_batch(state, ball, u, contact):  # type: ignore[no-untyped-def]
     r"""Fill in the impulse where the points slip and only one direction of slip is possible.
 
-    Friction along the unit vector :math:`c` slows the sliding at the rate
-    :math:`\lambda \ge 0`, relative to the resistance to it, if
+    With friction along the unit vector :math:`c`, and G split into tangential and normal parts,
+    the impulse is :math:`p\, (\mu c, 1)` with :math:`p = -f / R` and the resistance
+    :math:`R = g_{nn} + \mu\, g_n \cdot c > 0`. Points slide on against the friction if
 
-    .. math:: M c + d = -\lambda c, \quad
-              M = \mu\, (u_t g_n^T - f G_t), \quad d = g_{nn} u_t - f g_n, \quad
+    .. math:: R\, u_t^+ = M c + d = -\lambda c, \quad \lambda \ge 0, \quad
+              M = \mu\, (u_t g_n^T - f G_{tt}), \quad d = g_{nn} u_t - f g_n, \quad
               f = (1 + e)\, u_n .
 
-    Eliminating :math:`c` leaves a polynomial of fourth degree in :math:`\lambda`. Where the signs
-    of its coefficients change once, it has one positive root (Descartes' rule), so that whatever
-    direction Newton's method finds is the direction. `slips` remains set elsewhere.
+    Eliminating c leaves a polynomial of fourth degree in :math:`\lambda`, whose last coefficient
+    is negative because the impulse for sticking lies outside the cone. If the signs of its
+    coefficients change once, it has one positive root (Descartes' rule), so that any direction that
+    Newton's method finds is the only one. `slips` remains set in the other lanes.
 
     Args:
         state: with the Delassus matrix of the foot.
@@ -182,12 +184,12 @@ def slip_batch(state, ball, u, contact):  # type: ignore[no-untyped-def]
         slope = c * (m22 * c - m21 * s - x) + s * (m11 * s - m12 * c - y)
         turn = (s * x - c * y) / slope
         c, s = c - s * turn, s + c * turn
-        size = 1.5 - 0.5 * (c * c + s * s)  # 1 over the length, but for squares of the turn's
+        size = 1.5 - 0.5 * (c * c + s * s)  # 1 / length but for turn**4
         c, s = c * size, s * size
     resistance = mu * (g13 * c + g23 * s) + g33
     p = (0.0 - f) / resistance
     x, y = p * (mu * (g11 * c + g12 * s) + g13) + u1, p * (mu * (g12 * c + g22 * s) + g23) + u2
-    enough = resistance > 0.01 * (mu * (magnitude(g13) + magnitude(g23)) + g33)
+    enough = resistance > ENOUGH * (mu * (magnitude(g13) + magnitude(g23)) + g33)
     converged = magnitude(turn) + magnitude(size - 1.0) <= CONVERGED
     solved = (state.slips > 0.0) & single & enough & converged & (c * x + s * y <= 0.0)
     impulse = mu * p * c, mu * p * s, p

@@ -297,8 +297,9 @@ def strike_many(
     n = len(angles)
     balls = one_or_many("ball", ball, Ball, n)
     contacts = one_or_many("contact", contact, Contact, n)
-    pairs = [(i % len(contacts), i % len(balls)) for i in range(max(len(contacts), len(balls)))]
-    contacts = [contacts[i].for_ball(balls[k]) for i, k in pairs]
+    if n:
+        pairs = [(i % len(contacts), i % len(balls)) for i in range(max(len(contacts), len(balls)))]
+        contacts = [contacts[i].for_ball(balls[k]) for i, k in pairs]
     velocity = vector_rows("ball velocity", ball_velocity, n)
     spin = vector_rows("ball spin", ball_spin, n)
     strikes = Strikes(leg, balls, ContactRows.of(contacts), velocity, spin)

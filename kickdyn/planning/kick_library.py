@@ -293,7 +293,7 @@ class KickLibrary(ReprMixin):
         found = reader.correct(point)
         if found is None:
             ranges = ", ".join(f"{name} {_shown(name, *ends)}" for name, *ends in self._simulated)
-            reason = f"no kick has this launch in MuJoCo; those of the library have {ranges}"
+            reason = f"no kick has this launch in MuJoCo; motions have, not all at once, {ranges}"
             return LibraryKick(self, point, 0.0, reason, None)
         place, turn = found
         if self._standing is None:  # it cannot be turned

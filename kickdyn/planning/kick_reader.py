@@ -167,6 +167,8 @@ class KickReader:
         the speed and the elevation of `point`, `(5,)`. None is where they have not.
         """
         wished, low, high = np.asarray(point, dtype=float), self.lower, self.upper
+        if not wished[0] > 0.0:
+            return None
         scale, steps = np.array([1.0 / wished[0], 1.0]), STEP * np.diag(high - low)
         free = self.active[self.active < 2]
         far = np.abs((self.arrays["simulated"] - wished[:3])[:, :2] * scale).sum(axis=1)

@@ -39,8 +39,9 @@ def correct_library(
     contact and the robot's own foot. The launches are stored in the library's file. From then on,
     `library.kick` interpolates them as it interpolates the motions, and takes the motion whose ball
     has in MuJoCo the launch that meets the goal. A standing robot is turned about the ball by the
-    error of the azimuth. Goals near the ends of the ranges have no such motion. Runs that are
-    stored are not repeated, so that the same call continues after an interruption.
+    error of the azimuth. The error of the interpolation remains. Goals near the ends of the ranges
+    have no such motion. Runs that are stored are not repeated, so that the same call continues
+    after an interruption.
 
     Args:
         library: of `kick_library`.

@@ -352,14 +352,13 @@ def draw_motion(
         postures = [motion.q[motion.frame_at(time)] for time in times.tolist()]
         rows = [("motion", f"{begin:.4g} to {end:.4g} s, {motion.rate:.4g} frames per second")]
         if check is not None:
-            lines = "broken", "warning"
-            found = list(check._rows())
+            sentences, found = ("broken", "warning"), list(check._rows())
             rows += html_rows(
-                (name.removeprefix("best frame, "), value, unit)
+                (name.removesuffix(", time").removeprefix("best frame, "), value, unit)
                 for name, value, unit in found
-                if name not in lines
+                if name not in sentences
             )
-            warnings = [f"{name}: {text}" for name, text, _ in found if name in lines]
+            warnings = [f"{name}: {line}" for name, line, _ in found if name in sentences]
             if check.best is not None:
                 best = check.launches.isel(frame=check.best)
                 hit = float(best.time)

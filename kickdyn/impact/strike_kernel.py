@@ -109,7 +109,7 @@ def solve_newton_batch(state, ball, u, contact, least):  # type: ignore[no-untyp
     Where the foot arrives along the normal and nothing couples it across a plane, friction that
     does not suffice is at its largest. What cancels to less than a share `least` is doubtful.
     Returned is 1 where the points stick; `slips` is set where the direction of their slip is to be
-    found, see `slip_of_lane`.
+    found, see `slip_batch` and `slip_of_lane`.
 
     Args:
         state: with the Delassus matrix of the foot.

@@ -51,6 +51,14 @@ def test_a_urdf_has_the_masses_and_the_joints_of_pinocchio(file):
         right = [*ends, model.effortLimit[k], model.velocityLimit[k]]
         assert numbers(seen[f"joint {name}"][0]) == pytest.approx(right, rel=SHOWN), name
     assert (seen["faces"][0], seen["drives"][0][:4]) == ("x", "none")
+    leg = kd.Leg.from_urdf(file, seen["feet"][0].split(", ")[-1])
+    moves = abs(leg.posture(leg.configuration()).jacobian[0])
+    speed = dict(zip(leg.joint_names, moves, strict=True))
+    ranges = re.findall(r"--joint (\w+)=(-?\d+):(-?\d+):10", kd.check(file).commands[-1])
+    assert {name for name, *_ in ranges} == set(sorted(speed, key=speed.get)[-2:])
+    for name, *ends in ranges:  # whole degrees within its range, up to 40 to either side
+        low, high = np.clip(np.degrees(leg.joint_range(name)), -40.0, 40.0)
+        assert [float(end) for end in ends] == [np.ceil(low - 1e-6), np.floor(high + 1e-6)]
 
 
 def test_of_a_leg_with_a_loop_no_kick_is_proposed():

@@ -7,9 +7,8 @@ A batch needs no proof: ``+ - * /``, comparisons, ``math.sqrt``, ``math.fabs``, 
 act on each of its numbers as on a float, and a float beside a batch stands for `BATCH` equal ones.
 Products and sums are rounded separately, so that the results are the same on every processor.
 `batches` reads arrays in this way; `choose` takes the place of ``if``. Types, casts and operators
-are registered by numba's public extension interface; the record of batches and the instructions
-are made with its modules `numba.core` and `llvmlite.ir`, which may change. Without this file,
-kickdyn runs the same code on numpy's arrays.
+are registered with `numba.extending`, `numba.core` and `llvmlite.ir`, which may change: without
+this file, kickdyn runs the same code on numpy's arrays.
 """
 
 import math
@@ -22,6 +21,8 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.typeconv.castgraph import Conversion
+from numba.core.typing.arraydecl import GetItemBuffer, SetItemBuffer
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import (
     lower_builtin,
     lower_cast,
@@ -68,6 +69,15 @@ class _Batches(types.Record):
         return np.dtype((np.void, self.size))
 
 
+_FIRST = {"target": "cpu"}
+"""Mark of the rules that numba asks first for the type of a result.
+
+For an operator it asks up to 18 rules, most of them for lists and strings, which takes a third of
+the time of a compilation if those for batches and for entries of arrays are the last.
+"""
+for _rule in (GetItemBuffer, SetItemBuffer):
+    _rule.metadata = _FIRST
+
 _batch, _mask = _Batch("Batch"), _Mask("Mask")
 register_model(_Batch)(lambda manager, kind: models.PrimitiveModel(manager, kind, _FLOATS))
 register_model(_Mask)(lambda manager, kind: models.PrimitiveModel(manager, kind, _BITS))
@@ -97,18 +107,18 @@ def _define(
     def is_valid(*kinds: type) -> bool:
         return free or any(issubclass(kind, _Batch | _Mask) for kind in kinds)
 
-    def result_of(*given: Any) -> Any:
-        pairs = zip(given, operands, strict=True)
-        valid = all(isinstance(kind, classes) for kind, classes in pairs)
-        return result if valid and is_valid(*map(type, given)) else None
+    class Operation(AbstractTemplate):
+        metadata = _FIRST
+
+        def generic(self, given: Any, keywords: Any) -> Any:
+            valid = len(given) == len(operands) and is_valid(*map(type, given))
+            valid = valid and all(map(isinstance, given, operands))
+            return signature(result, *given) if valid else None
 
     def lower(context: Any, builder: Any, called: Any, given: Any) -> Any:
         return generate(builder, *(_spread(builder, value) for value in given))
 
-    typers: Any = (
-        lambda a: result_of(a), lambda a, b: result_of(a, b), lambda a, b, c: result_of(a, b, c),
-    )  # fmt: skip
-    type_callable(function)(lambda context: typers[len(operands) - 1])
+    infer_global(function)(Operation)
     for kinds in product(*operands):
         if is_valid(*kinds):
             lower_builtin(function, *kinds)(lower)

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from scipy.optimize import nnls
 
 from kickdyn.core.mechanics import cross3
 from kickdyn.core.validation import Array, protect, read_only
@@ -171,6 +170,8 @@ def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> 
     ground's normal; the rotation is from the frame's axes to the world's, and the scale is the size
     of the impulse on the ball [N s].
     """
+    from scipy.optimize import nnls  # here, because it takes long to import
+
     negligible = NEGLIGIBLE_IMPULSE * scale
     normal = float(impulse[2])
     if normal < -negligible:

@@ -6,7 +6,6 @@ from functools import partial
 from operator import mul
 
 import numpy as np
-from scipy.optimize import brentq
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
@@ -250,6 +249,8 @@ def _value(series: Sequence[float], t: float) -> float:
 
 def _root(function: Callable[[float], float], high: float, low: float = 0.0) -> float:
     """Return the point between two others at which a function changes sign, to rounding."""
+    from scipy.optimize import brentq  # here, because it takes long to import
+
     return float(brentq(function, low, high, xtol=1e-300))
 
 

@@ -5,12 +5,11 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
 
 from kickdyn.core import validation
 from kickdyn.core.files import FileName
@@ -23,6 +22,9 @@ from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.standing import is_floating, place_base, rest_configuration
 from kickdyn.robot.surgery import coordinate_indices
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline  # takes long to import
 
 DRAWN_TIMES = 400
 """Number of times before the impact, and as many after it, that are drawn."""
@@ -89,8 +91,8 @@ class Motion(ReprMixin):
 
     robot: Leg
     joints: tuple[str, ...]
-    before: BSpline
-    after: BSpline
+    before: "BSpline"
+    after: "BSpline"
     placement: Any = None
     limits: Any = None
     warnings: tuple[str, ...] = ()

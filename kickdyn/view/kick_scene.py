@@ -1,7 +1,7 @@
 """One kick, drawn and moving: leg, ball, flight, ground, and impulses as arrows to one scale."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -184,8 +184,8 @@ def draw_kick(
     marks.draw_axes(viewer["axes"], origin, axis)
     marks.draw_distances(viewer["distances"], foot, forward, stripe, length)
     label_end(viewer, path, curve)
-    pose_at = partial(ball_pose, before, path, arrival=arrival)
-    animation = _animation(viewer, pose_at, impact, pace, postures, arrows, drawn)
+    balls = ball_poses(before, path, pace.times, arrival)
+    animation = _animation(viewer, balls, impact, pace, postures, arrows, drawn)
     viewer.set_animation(animation, repetitions=math.inf)
     return pace, text
 
@@ -311,22 +311,30 @@ def leg_configuration(impact: Impact, time: float) -> Array:
     return hold_support(impact.posture, np.where(single, within, displaced))
 
 
-def ball_pose(before: BallState, path: BallPath, t: float, arrival: Arrival | None = None) -> Array:
-    """Return the ball's pose at a time from the impact [s], shape `(4, 4)` [m, world frame].
+def ball_poses(
+    before: BallState, path: BallPath, times: Array, arrival: Arrival | None = None
+) -> Array:
+    """Return the ball's poses at times from the impact [s], shape `(n, 4, 4)` [m, world frame].
 
     Without its path before the impact, the `arrival`, it then moves straight on.
     """
-    if t < 0:
-        straight = before.position + before.velocity * t
-        position = straight if arrival is None else arrival.sample(t).position
-        return np.asarray(pin.SE3(pin.exp3(before.spin * t), position).homogeneous)
-    t = min(t, path.duration)
-    if isinstance(path, Course):
-        times = np.linspace(0.0, t, 65)  # as if the ball turned about one axis
-        rotation = pin.exp3(np.trapezoid(path.sample(times).spin, times, axis=0))
+    from scipy.spatial.transform import Rotation  # takes 0.1 s
+
+    is_early = times < 0.0
+    early, late = times[is_early], np.minimum(times[~is_early], path.duration)
+    poses = np.tile(np.eye(4), (len(times), 1, 1))
+    straight = before.position + np.outer(early, before.velocity)
+    poses[is_early, :3, 3] = straight if arrival is None else arrival.sample(early).position
+    poses[~is_early, :3, 3] = path.sample(late).position
+    poses[is_early, :3, :3] = Rotation.from_rotvec(np.outer(early, before.spin)).as_matrix()
+    if isinstance(path, Course):  # as if the ball turned about one axis
+        nodes = np.outer(late, np.linspace(0.0, 1.0, 65))
+        spin = path.sample(nodes.ravel()).spin.reshape(*nodes.shape, 3)
+        rotation = Rotation.from_rotvec(np.trapezoid(spin, nodes[..., None], axis=1))
     else:
-        rotation = path.orientation(t).as_matrix()
-    return np.asarray(pin.SE3(rotation, path.sample(t).position).homogeneous)
+        rotation = path.orientation(late)
+    poses[~is_early, :3, :3] = rotation.as_matrix()
+    return poses
 
 
 def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> float:
@@ -349,7 +357,7 @@ def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> flo
 
 def _animation(
     viewer: Any,
-    pose_at: Callable[[float], Array],
+    balls: Array,
     impact: Impact,
     pace: Pace,
     moved: Sequence[Array],
@@ -363,9 +371,10 @@ def _animation(
     animation = Animation(default_framerate=RATE)
     # All tracks end together, so that they stay together when they repeat.
     numbers, times = [*range(len(moved)), pace.end], [*pace.times, pace.times[-1]]
-    for number, time, q in zip(numbers, times, [*moved, moved[-1]], strict=True):
+    poses_of_ball, configurations = [*balls, balls[-1]], [*moved, moved[-1]]
+    for number, time, ball, q in zip(numbers, times, poses_of_ball, configurations, strict=True):
         with animation.at_frame(viewer, number) as frame:
-            frame["ball"].set_transform(pose_at(time))
+            frame["ball"].set_transform(ball)
             poses = move_leg(frame, "leg", impact.posture.leg, q)
             for arrow in arrows:
                 if arrow.joint:

@@ -19,6 +19,7 @@ from kickdyn.planning.meeting import arrival_of
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.view import kick_scene
 from kickdyn.view.document import recording_viewer
+from kickdyn.view.kick_scene import ball_poses
 from kickdyn.view.wall_and_goal import wall_boxes
 
 
@@ -198,12 +199,12 @@ def test_a_ball_that_comes_or_rolls_is_shown_doing_so():
     velocity, spin = np.array([-5.0, 1.0, 0.0]), np.array([0.0, 30.0, 4.0])
     hit = kd.strike(posture, np.zeros(3), ball, kd.Contact([1, 0, 0.3], 0.8, 0.4),
                     ball_velocity=velocity, ball_spin=spin)  # fmt: skip
-    pose = kick_scene.ball_pose(hit.ball_before, kd.fly(hit.ball_after, ball), -0.1)
+    (pose,) = ball_poses(hit.ball_before, kd.fly(hit.ball_after, ball), np.array([-0.1]))
     agrees(pose[:3, 3], hit.ball_before.position - 0.1 * velocity, closed_form(100))
     agrees(pose[:3, :3], Rotation.from_rotvec(-0.1 * spin).as_matrix(), closed_form(100))
     start = kd.BallState((0, 0, ball.radius), (2.0, 0, 0), (0, 2.0 / ball.radius, 0))
     course = kd.follow(start, ball, None, kd.Ground(surface="turf"))
-    x, pose = course.sample(0.5).position[0], kick_scene.ball_pose(start, course, 0.5)
+    x, (pose,) = course.sample(0.5).position[0], ball_poses(start, course, np.array([0.5]))
     agrees(pose[:3, :3], Rotation.from_rotvec((0, x / ball.radius, 0)).as_matrix(), 1e-3)
     assert pose[0, 3] == pytest.approx(x)
 
@@ -214,7 +215,7 @@ def test_a_ball_that_is_trapped_is_on_its_path_to_the_foot():
     plan = kd.plan_trap(kd.Leg.human(), kd.IncomingBall(comes, ground), ball, air)
     arrival, course = arrival_of(plan.meeting, ball), kd.follow(comes, ball, air, ground)
     for before in (0.05, 0.3):
-        pose = kick_scene.ball_pose(plan.impact.ball_before, plan.path, -before, arrival)
+        (pose,) = ball_poses(plan.impact.ball_before, plan.path, np.array([-before]), arrival)
         agrees(pose[:3, 3], course.sample(plan.meeting.time - before).position, SINGLE)
     scene, *_ = drawn_kick(plan.impact, plan.path, arrival=arrival)
     assert f"met after {plan.meeting.time:.3g} s" in scene.labels

@@ -18,7 +18,6 @@ from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
     BallOptions,
-    JsonOptions,
     PlotOptions,
     PointOptions,
     command,
@@ -136,8 +135,8 @@ class RangeOptions:
 
 
 @dataclass(frozen=True)
-class LibraryKickOptions(JsonOptions):
-    """A single kick of the library, and the file of its motion."""
+class LibraryKickOptions(PlotOptions):
+    """The figure of the library, a single kick of it, and the file of its motion."""
 
     kick: str | None = option(
         "--kick", metavar="SPEED,ELEVATION[,X,Y]", help="Print the kick with a launch [m/s, deg] "
@@ -197,7 +196,8 @@ def kick_library(
         chosen.motion.save(output.out)
         if output.prints:
             click.echo(f"the impact is {-chosen.motion.begin:.4g} s after the beginning")
-    output.name_written(output.out)
+    output.save_plot(library.plot)
+    output.name_written(output.plot, output.out)
 
 
 def _numbers(name: str, text: str, counts: tuple[int, ...], form: str) -> list[float]:

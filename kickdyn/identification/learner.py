@@ -42,6 +42,7 @@ from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick import plan_kick, replan_turned
+from kickdyn.planning.kick_library import KickLibrary
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, fly_to_target, plan_launch
 from kickdyn.planning.problem import keep_last
@@ -109,7 +110,8 @@ class Learner(ReprMixin):
         goal: a target as high as the launch, with a condition such as the time.
         ball: the ball; its mass and radius count.
         air: the air to begin with, with a drag model and a constant wind.
-        leg: the leg that kicks. With it, commands are kicks by `plan_kick`; with None, launches.
+        leg: the leg that kicks. With it, commands are kicks by `plan_kick`; with a library of its
+            kicks, kicks of that library, for its own restitution; with None, launches.
         restitution: :math:`e_0`, the best guess before the first kick, 0.01 to 0.99.
         friction: friction of the contact of the leg.
         ball_height: height of the ball's centre before the kick of a leg [m, world frame]; None
@@ -145,7 +147,7 @@ class Learner(ReprMixin):
         goal: Goal,
         ball: Ball,
         air: Air,
-        leg: Leg | None = None,
+        leg: Leg | KickLibrary | None = None,
         *,
         restitution: float = 0.8,
         friction: float = 0.4,
@@ -323,7 +325,11 @@ class Learner(ReprMixin):
         target = velocity[0] * time, velocity[1] * time, 0.0
         goal = Goal(target, time=time, spin=self.launch.spin)
         contact = Contact(restitution=float(expit(self._theta[3])), friction=self._friction)
-        if self._motion and self.shots:
+        if isinstance(self.leg, KickLibrary):
+            e = float(self.leg.reader.arrays["impact"][0])
+            velocity = velocity * (1.0 + e) / (1.0 + float(expit(self._theta[3])))
+            plan = self.leg.replan(self.leg.plan(goal), velocity)
+        elif self._motion and self.shots:
             before = self.shots[-1].command
             assert isinstance(before, KickPlan)
             plan = replan_turned(before, velocity, contact)

@@ -20,13 +20,15 @@ from scipy.integrate import trapezoid
 from scipy.interpolate import BSpline
 
 from kickdyn.air import Air
-from kickdyn.ball import Ball
+from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.files import FileName, attributes, checked_ending
+from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.batch import fly_many
 from kickdyn.flight.flight_result import Flight
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
@@ -274,11 +276,14 @@ class KickLibrary(ReprMixin):
         """
         if goal.spin.any() or goal.beside is not None:
             raise InvalidInput("the goal has spin: kicks of a library give the ball none")
-        place = 0.5 * (self.reader.lower + self.reader.upper)[3:]
-        if ball_position is not None:
-            place = validation.vector("ball_position", ball_position, 2, unit="m")
         launch = plan_launch(goal, self._ball, air)
-        return self.kick_for([*launch_axes(launch.velocity), *place])
+        return self.kick_for([*launch_axes(launch.velocity), *self.place(ball_position)])
+
+    def place(self, ball_position: ArrayLike | None) -> Array:
+        """Return x and y of the ball, `(2,)` [m]; by default the middle of the ranges."""
+        if ball_position is None:
+            return np.asarray(0.5 * (self.reader.lower + self.reader.upper)[3:])
+        return validation.vector("ball_position", ball_position, 2, unit="m")
 
     def kick_for(self, point: ArrayLike) -> "LibraryKick":
         """Return the kick that gives speed, elevation and azimuth to a ball at x and y, `(5,)`.
@@ -396,6 +401,73 @@ class KickLibrary(ReprMixin):
     def _ball(self) -> Ball:
         mass, radius, _ = self.reader.arrays["ball"]
         return Ball(mass=float(mass), radius=float(radius))
+
+    def largest(self, elevation: float, azimuth: float, place: Array) -> tuple[float, str]:
+        """Return the largest speed by `strike` in a direction, and why none is larger.
+
+        Angles are in rad, the place of the ball has x and y, `(2,)` [m]. The speed is 0 m/s if the
+        library has no kick in this direction.
+        """
+        reader, a = self.reader, self.reader.arrays
+        if self._standing is not None:  # it can be turned
+            azimuth = float(np.clip(azimuth, reader.lower[2], reader.upper[2]))
+        point = self._on_axes([reader.upper[0], elevation, azimuth, *place])
+        inside = (a["cell_lower"] - SAME <= point) & (point <= a["cell_upper"] + SAME)
+        cells = inside[:, 1:].all(axis=1) & (a["cell_reasons"] == "")
+        speed = float(a["cell_upper"][cells, 0].max(initial=0.0))
+        point[0] = speed + SAME if speed else point[0]
+        return speed, self._why_not(point).partition(";")[0]
+
+    @styled()
+    def plot(self) -> Any:
+        """Return a figure of matplotlib: cells on two axes, with their least margins as shares.
+
+        Cells with kicks are coloured, others are grey. Without two axes with a range it raises
+        `InvalidInput`; of further axes, the middle is drawn. Lines on speeds and elevations are how
+        far the ball flies in the air at 20 degrees, until it is as high as before [m].
+        """
+        from matplotlib.collections import PatchCollection
+        from matplotlib.figure import Figure
+        from matplotlib.patches import Rectangle
+
+        reader, a = self.reader, self.reader.arrays
+        if len(reader.active) < 2:
+            raise InvalidInput("the library has no two axes with a range to draw it on")
+        i, j = reader.active[:2].tolist()
+        units = [180.0 / math.pi if UNITS[AXES[k]] == "rad" else 1.0 for k in (i, j)]
+        middle = 0.5 * (reader.lower + reader.upper)
+        inside = (a["cell_lower"] <= middle) & (middle <= a["cell_upper"])
+        inside[:, [i, j]] = True
+        shares = [not _unit(name) for name in reader.limits]
+        figure = Figure(figsize=(7.5, 5.0))
+        axes = figure.subplots()
+        groups: dict[bool, list[Any]] = {True: [], False: []}
+        margins = []
+        for number in np.flatnonzero(inside.all(axis=1)):
+            low, high = (a[end][number, [i, j]] * units for end in ("cell_lower", "cell_upper"))
+            covered = not a["cell_reasons"][number]
+            groups[covered].append(Rectangle(low, *(high - low)))
+            if covered:
+                margins.append(a["cell_margins"][number, shares].min(initial=np.inf))
+        axes.add_collection(PatchCollection(groups[False], facecolor="0.8", hatch="//"))
+        kicks = PatchCollection(groups[True], cmap="viridis", edgecolor="white")
+        kicks.set_array(100.0 * np.array(margins))
+        axes.add_collection(kicks)
+        figure.colorbar(kicks, label="least margin [% of the limit]")
+        if (i, j) == (0, 1):
+            grid = np.meshgrid(*np.linspace(reader.lower[:2], reader.upper[:2], 12).T)
+            points = np.stack([*grid, 0.0 * grid[0]], axis=-1).reshape(-1, 3)
+            launches = BallState(velocity=[launch_velocity(point) for point in points])
+            lengths = fly_many(launches, self._ball, Air())["landing_position"].to_numpy()
+            distance = np.hypot(*lengths.T[:2]).reshape(grid[0].shape)
+            lines = axes.contour(grid[0], units[1] * grid[1], distance, colors="black")
+            axes.clabel(lines, fmt="%.3g m")
+        ends = [np.array([reader.lower[k], reader.upper[k]]) for k in (i, j)]
+        labels = [f"{AXES[k]} [{UNITS[AXES[k]].replace('rad', 'deg')}]" for k in (i, j)]
+        axes.set(xlim=units[0] * ends[0], ylim=units[1] * ends[1])
+        axes.set(xlabel=labels[0], ylabel=labels[1])
+        axes.set_title(f"{a['robot']}: kicks of the library")
+        return figure
 
     def _why_not(self, point: Array) -> str:
         """Return why there is no kick at a point, and the nearest one."""

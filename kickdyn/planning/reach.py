@@ -32,6 +32,7 @@ from kickdyn.flight.follow import follow
 from kickdyn.ground import Ground
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.kick import plan_kick, replan_motion
+from kickdyn.planning.kick_library import KickLibrary
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_reader import launch_velocity
 from kickdyn.robot.leg import Leg
@@ -142,7 +143,7 @@ class ReachTable(ReprMixin):
 
 @validation.check_arguments
 def reach(
-    robot: Leg,
+    robot: Leg | KickLibrary,
     ball: Ball,
     air: Air | None = None,
     *,
@@ -168,14 +169,17 @@ def reach(
     bounds of what the robot does, often far above. With it, they are those of the whole motion,
     which takes minutes for each direction of a robot.
 
+    For a library of kicks, it is the largest one that the library has, by `strike`, at once.
+
     Args:
-        robot: the leg or robot that kicks, as for `plan_kick`.
+        robot: the leg or robot that kicks, as for `plan_kick`, or a library of its kicks.
         ball: the ball.
         air: in which it flies; None is the vacuum.
         azimuths: directions to the left of x, shape `(m,)` [deg].
         elevations: directions above the horizontal, from 0 to 80, shape `(n,)` [deg].
         contact: of foot and ball, as for `plan_kick`.
-        ball_position: height or position of the ball, as for `plan_kick`.
+        ball_position: height or position of the ball, as for `plan_kick`; for a library, x and y as
+            for its kicks.
         motion: whether limits are those of the whole motion.
         tolerance: relative distance of the speed from one that is not met, 0.001 to 0.5.
         file: a `.csv` file to which each row is written as soon as it is found. Rows that it has
@@ -197,12 +201,17 @@ def reach(
     validation.number("elevations", min(heights), at_least=0, unit="deg")
     if file is not None:
         checked_ending(file, (".csv",), "a table of launches is written as")
+    library = robot if isinstance(robot, KickLibrary) else None
+    leg = robot.robot if isinstance(robot, KickLibrary) else robot
+    if library is not None:
+        library.check_settings({}, ball, contact, None)
+        ball_position, motion = library.place(ball_position), True
     options: Any = {"contact": contact, "ball_position": ball_position, "motion": motion}
     settings = {
-        "robot": robot.name,
-        "joints": list(robot.joint_names),
-        "supports": [support.frame for support in robot.supports],
-        "mass": round(sum(float(body.mass) for body in robot.model.inertias), 6),
+        "robot": leg.name,
+        "joints": list(leg.joint_names),
+        "supports": [support.frame for support in leg.supports],
+        "mass": round(sum(float(body.mass) for body in leg.model.inertias), 6),
         "options": {name: repr(value) for name, value in options.items()},
         "ball": repr(ball),
         "air": repr(air),
@@ -218,7 +227,7 @@ def reach(
         # the target in the vacuum to which this launch leads, however low it is
         fall = 0.5 * GRAVITY * DESCRIBING_TIME * DESCRIBING_TIME
         target = DESCRIBING_TIME * velocity - [0.0, 0.0, fall]
-        return plan_kick(robot, Goal(target, time=DESCRIBING_TIME), ball, None, **options)
+        return plan_kick(leg, Goal(target, time=DESCRIBING_TIME), ball, None, **options)
 
     rows: dict[Direction, ReachRow] = {}
     if file is not None:
@@ -229,7 +238,12 @@ def reach(
         if place in rows:
             continue
         where = f"{number} of {len(wanted)}, {place[0]:g} and {place[1]:g} deg"
-        row = _largest(partial(plan, place, where), place, GROWTHS[motion], tolerance)
+        if library is not None:
+            azimuth, elevation = np.radians(place).tolist()
+            speed, reason = library.largest(elevation, azimuth, library.place(ball_position))
+            row = ReachRow(*place, speed, None, reason, 0.0, 0.0)
+        else:
+            row = _largest(partial(plan, place, where), place, GROWTHS[motion], tolerance)
         if row.speed > 0.0:
             velocity = launch_velocity(np.array([row.speed, *np.radians(place[::-1])]))
             start = BallState((0.0, 0.0, ball.radius), velocity)
@@ -239,7 +253,7 @@ def reach(
         if file is not None:
             _write(file, settings, rows.values())
     found = tuple(rows[place] for place in wanted)
-    return ReachTable(robot.name or "leg", motion, found, ball.warnings)
+    return ReachTable(leg.name or "leg", motion, found, ball.warnings)
 
 
 def _angles(name: str, values: ArrayLike, most: float) -> list[float]:

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -272,3 +273,39 @@ def test_the_bodies_of_any_chain_move_as_in_pinocchio(slides):
     agrees(point, posture.contact_point, closed_form())
     agrees(jacobian, posture.jacobian[:3], closed_form())
     agrees(inertia, posture.inertia, closed_form())
+
+
+def test_a_learner_corrects_kicks_of_a_library(library):
+    """The foot of the world is less elastic, and sends the ball higher."""
+    ball, air = kd.Ball(), kd.Air(lift=None)
+    goal, turn = kd.Goal(5.3, speed=12.2), pin.rpy.rpyToMatrix(0.0, -0.007, 0.0)
+    library = KickLibrary(library.file, library.robot)
+    learner = kd.Learner(goal, ball, air, library, scatter=0.002, deviation=0.005)
+    misses = []
+    for _ in range(3):
+        contact = replace(learner.command.impact.contact, restitution=0.79)
+        hit = kd.strike(learner.command.impact.posture, learner.command.v, ball, contact).ball_after
+        path = kd.fly(kd.BallState(velocity=turn @ hit.velocity), ball, air)
+        learner.observe(path.landing.position, path.duration)
+        misses.append(math.hypot(*(path.landing.position - goal.target)))
+    assert misses[0] > 0.1
+    assert misses[2] < 0.02
+
+
+def test_the_reach_of_a_library_is_its_largest_covered_speed(library):
+    table = kd.reach(library, kd.Ball(), elevations=(5, 11))
+    outside, inside = table.rows
+    assert (outside.speed, inside.speed) == (0.0, 12.4)
+    assert outside.reason.startswith("elevation is 5 deg, outside of")
+    assert library.kick_at([inside.speed, math.radians(11), 0.0, *library.place(None)]).met
+    arrays = library.reader.arrays | {
+        "cell_reasons": np.array(["slips"] * library.reader.arrays["cell_reasons"].size)
+    }
+    holes = KickLibrary(library.file, library.robot)
+    holes.reader = KickReader(arrays)
+    assert kd.reach(holes, kd.Ball(), elevations=(11,)).rows[0].reason == "not covered: slips"
+    for drawn, covered in ((library, 1.0), (holes, 0.0)):
+        axes = drawn.plot().axes[0]
+        grey, kicks = axes.collections[:2]
+        counts = len(kicks.get_paths()), len(grey.get_paths())
+        assert counts[0] / sum(counts) == covered

@@ -1,16 +1,17 @@
 """A library of kicks of G1: what it covers and costs, and how good its kicks are.
 
-    python benchmarks/kick_library.py [FILE.npz] [--square] [--kicks 1000] [--checks 100]
-                                      [--runs 100] [--plans 5] [--workers 2]
+    python benchmarks/kick_library.py [--robot g1|biped|human] [--file FILE.npz] [--square]
+        [--kicks 1000] [--checks 100] [--runs 100] [--plans 5] [--workers 2]
 
-It makes the library FILE (build/g1_library.npz), or continues or reads it: G1 on its left foot with
-its legs alone, launches of 7 to 8.2 m/s at 8 to 20 degrees, with `--square` the ball in one of
-2 cm. Its motions are carried out in MuJoCo once, by `correct_library`. Then it prints
+It makes the library FILE (build/ROBOT_library.npz), or continues or reads it: G1 on its left foot
+with its legs alone, with `--square` the ball in a square of 2 cm, the biped of 3 kg of
+`other_robots.py`, or the leg of a person, with the ranges of `CASES`. Its motions are carried out
+in MuJoCo once, by `correct_library`. Then it prints
 
 - for KICKS random kicks, the errors of the launch by `strike`; for CHECKS of them, the least
   distance from all limits on a grid ten times finer than the planner's, with what is inside each
   other; for PLANS of them, the squared torques over those of a full plan;
-- for RUNS random goals of 7.5 to 8.2 m/s, at 11.5 to 16.5 degrees and up to 30 degrees aside, the
+- for RUNS random goals that its motions meet in MuJoCo, for a robot up to 30 degrees aside, the
   errors in MuJoCo with the own foot, and the processor time, of the interpolated and corrected
   motion, also by a robot that differs at random (`kd.KickNoise()`, another seed for each goal); for
   every fourth goal those of the interpolated one without correction and of the nearest one that is
@@ -29,10 +30,11 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
+from other_robots import SMALL_BALL, scaled_biped
 
 import kickdyn as kd
 from kickdyn.core.validation import Array
@@ -40,23 +42,55 @@ from kickdyn.planning.kick_library import KickLibrary
 from kickdyn.planning.kick_reader import launch_velocity
 from kickdyn.planning.library_motions import Kicks, check_between
 
-RANGES = {"speed": (7.0, 8.2), "elevation": (math.radians(8), math.radians(20))}
 SQUARE = {"x": (0.31, 0.33), "y": (-0.06, -0.04)}
+"""Ranges of the place of G1's ball with `--square` [m]."""
+
 T = TypeVar("T")
-GOALS = np.array([(7.5, 8.2), np.radians([11.5, 16.5]), np.radians([-30, 30])])
-"""Ranges of speed [m/s], elevation and azimuth [rad] of the goals that are carried out."""
+
+Range = tuple[float, float]
 
 FLIGHT_TIME = 0.3
 """Time of the flights to the goals [s]."""
 
 
-def robot() -> kd.Leg:
+def g1() -> kd.Leg:
     """Return G1 on its left foot, with its legs alone."""
-    g1 = kd.Leg.from_robot("g1", base="floating", legs_only=True)
-    return g1.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    return robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
 
 
-def make(file: Path, workers: int, places: dict[str, tuple[float, float]]) -> KickLibrary:
+def biped() -> kd.Leg:
+    """Return a biped of the kid size league on its left foot."""
+    Path("build").mkdir(exist_ok=True)
+    return scaled_biped(Path("build"), 3.0, 0.5, 0.35, ball=SMALL_BALL).on(0)
+
+
+class Case(NamedTuple):
+    """A robot with its ball, the ranges of its library and of the goals that are carried out."""
+
+    robot: Callable[[], kd.Leg]
+    ball: kd.Ball
+    speed: Range  # [m/s]
+    elevation: Range  # [deg]
+    goals: tuple[Range, Range, Range]  # speed, elevation, azimuth [m/s, deg]
+    height: float | None = None  # of the ball's centre [m]
+
+    def range(self) -> dict[str, Any]:
+        """Return the arguments of the library."""
+        elevation = math.radians(self.elevation[0]), math.radians(self.elevation[1])
+        return {"speed": self.speed, "elevation": elevation, "height": self.height}
+
+
+CASES = {
+    "g1": Case(g1, kd.Ball(), (7.0, 8.2), (8, 20), ((7.5, 8.2), (11.5, 16.5), (-30, 30))),
+    "biped": Case(biped, SMALL_BALL, (2.2, 2.8), (8, 16), ((2.3, 2.6), (10, 14), (-30, 30))),
+    "human": Case(
+        kd.Leg.human, kd.Ball(), (11.0, 13.0), (8, 14), ((11.1, 11.7), (11, 13.5), (0, 0)), -0.7042
+    ),
+}
+
+
+def make(case: Case, file: Path, workers: int, places: dict[str, Range]) -> KickLibrary:
     """Return the library, with its times."""
     began, counts = time.perf_counter(), {}
 
@@ -67,7 +101,13 @@ def make(file: Path, workers: int, places: dict[str, tuple[float, float]]) -> Ki
 
     with ProcessPoolExecutor(workers, get_context("spawn")) as executor:
         library = kd.kick_library(
-            robot(), file, **RANGES, **places, executor=executor, progress=show
+            case.robot(),
+            file,
+            case.ball,
+            **case.range(),
+            **places,
+            executor=executor,
+            progress=show,
         )
         library = kd.correct_library(library, executor=executor, progress=show)
     print(f"{time.perf_counter() - began:.0f} s wall by {workers} processes: {counts or 'read'}")
@@ -87,7 +127,7 @@ def errors(velocity: Array, wished: Array) -> tuple[float, float]:
     return math.hypot(*velocity) / math.hypot(*wished) - 1, math.degrees(math.atan2(sine, cosine))
 
 
-def print_planned(plain: KickLibrary, count: int, checks: int, plans: int) -> None:
+def print_planned(case: Case, plain: KickLibrary, count: int, checks: int, plans: int) -> None:
     """Print the errors of kicks by `strike`, their limits, and their torques."""
     reader, draw = plain.reader, np.random.default_rng(0)
     points = draw.uniform(reader.lower, reader.upper, (count, 5))
@@ -102,7 +142,7 @@ def print_planned(plain: KickLibrary, count: int, checks: int, plans: int) -> No
           f"{off[:, 1].max():.1e} degrees off at most")  # fmt: skip
     motion, height = kicks[0].motion, float(reader.arrays["ball"][2])
     contact = kd.Contact(None, *reader.arrays["impact"].tolist())
-    kinds = Kicks(robot(), kd.Ball(), contact, height, motion.joints, dict(motion.aside))
+    kinds = Kicks(case.robot(), case.ball, contact, height, motion.joints, dict(motion.aside))
     pickled = pickle.dumps(kinds)
     found = [
         check_between(pickled, kick.point, kick.interpolated.coefficients)
@@ -113,6 +153,8 @@ def print_planned(plain: KickLibrary, count: int, checks: int, plans: int) -> No
         of_unit = [
             k for k, name in enumerate(reader.limits) if name.partition(" [")[2][:-1] == unit
         ]
+        if not of_unit:
+            continue
         k = min(of_unit, key=least.__getitem__)
         print(f"least margin of {len(found)}: {least[k]:.4f} {unit or 'of the limit'}, "
               f"{reader.limits[k]}")  # fmt: skip
@@ -123,7 +165,7 @@ def print_planned(plain: KickLibrary, count: int, checks: int, plans: int) -> No
         goal, place = goal_of(kick.point), kick.point[3:]
         plan = plain.plan(goal, ball_position=place)
         full = kd.plan_kick(
-            robot(), goal, kd.Ball(), motion=plan.motion, ball_position=(*place, height),
+            case.robot(), goal, case.ball, motion=plan.motion, ball_position=(*place, height),
             contact=contact,
         )  # fmt: skip
         ratios.append(f"{plan.value / full.value:.3f} ({full.status})")
@@ -173,8 +215,8 @@ class Table:
                   f"{stands.mean():.0%} | {(right & stands).mean():.0%} | {spent} |")  # fmt: skip
 
 
-def add_runs(library: KickLibrary, plain: KickLibrary, table: Table, point: Array, seed: int, *,
-             with_plan: bool) -> None:  # fmt: skip
+def add_runs(case: Case, library: KickLibrary, plain: KickLibrary, table: Table, point: Array,
+             seed: int, *, with_plan: bool) -> None:  # fmt: skip
     """Carry out the kicks of a goal."""
     reader = library.reader
     scale = np.where(reader.upper > reader.lower, reader.upper - reader.lower, 1.0)
@@ -202,38 +244,46 @@ def add_runs(library: KickLibrary, plain: KickLibrary, table: Table, point: Arra
     if with_plan:
         wished = launch_velocity(straight)
         goal = goal_of(straight)
-        full, seconds = timed(lambda: kd.plan_kick(robot(), goal, kd.Ball(), motion=True))
+        height = None if case.height is None else (*place, case.height)
+        full, seconds = timed(lambda: kd.plan_kick(
+            case.robot(), goal, case.ball, motion=True, ball_position=height
+        ))  # fmt: skip
         table.add("full plan", seconds, full, wished)
         plan, more = timed(lambda: kd.refine_kick(full, 2, "mujoco"))
         table.add("full plan, corrected twice", seconds + more, plan, wished)
 
 
-def print_runs(library: KickLibrary, plain: KickLibrary, count: int, plans: int) -> None:
+def print_runs(
+    case: Case, library: KickLibrary, plain: KickLibrary, count: int, plans: int
+) -> None:
     """Print the table of kicks in MuJoCo."""
     reader, draw, table = library.reader, np.random.default_rng(1), Table()
     places = np.array([reader.lower, reader.upper])[:, 3:].T
-    points = draw.uniform(*np.array([*GOALS, *places]).T, (count, 5))
+    points = draw.uniform(*np.array([*case.goals, *places]).T, (count, 5))
+    points[:, 1:3] *= math.pi / 180.0
     with suppress(KeyboardInterrupt):  # what was run until then is printed
         for seed, point in enumerate(points):
-            add_runs(library, plain, table, point, seed, with_plan=seed < 4 * plans)
+            add_runs(case, library, plain, table, point, seed, with_plan=seed < 4 * plans)
     table.print()
 
 
 def main() -> None:
     """Print the figures."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("file", nargs="?", type=Path, default=Path("build/g1_library.npz"))
+    options.add_argument("--robot", choices=CASES, default="g1")
+    options.add_argument("--file", type=Path)
     for name, default in ("kicks", 1000), ("checks", 100), ("runs", 100), ("plans", 5):
         options.add_argument(f"--{name}", type=int, default=default)
     options.add_argument("--square", action="store_true")
     options.add_argument("--workers", type=int, default=2)
     chosen = options.parse_args()
-    chosen.file.parent.mkdir(parents=True, exist_ok=True)
-    library = make(chosen.file, chosen.workers, SQUARE if chosen.square else {})
-    plain = KickLibrary(chosen.file, robot())
+    case, file = CASES[chosen.robot], chosen.file or Path(f"build/{chosen.robot}_library.npz")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    library = make(case, file, chosen.workers, SQUARE if chosen.square else {})
+    plain = KickLibrary(file, case.robot())
     plain.reader.arrays.pop("simulated")
-    print_planned(plain, chosen.kicks, chosen.checks, chosen.plans)
-    print_runs(library, plain, chosen.runs, chosen.plans)
+    print_planned(case, plain, chosen.kicks, chosen.checks, chosen.plans)
+    print_runs(case, library, plain, chosen.runs, chosen.plans)
 
 
 if __name__ == "__main__":

@@ -38,6 +38,7 @@ from kickdyn.planning.plan_report import (
     describe_passage,
     unreachable_json,
 )
+from kickdyn.planning.surface_choice import choose_surface
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
 from kickdyn.scene.scene import Wall, check_before, read_wall
@@ -166,6 +167,10 @@ class KickOptions:
         "--both-feet",
         help="With --motion: start and end on both feet, in place of the supporting one.",
     )  # fmt: skip
+    choose_surface: bool = option(
+        "--choose-surface", help="Kick with the inside, instep, outside or toe of the foot of "
+        "--frame: the surface that meets the goal and depends least on where the ball lies.",
+    )  # fmt: skip
 
     def check(self) -> None:
         """Raise `InvalidInput` for options that exclude each other."""
@@ -192,6 +197,7 @@ class KickOptions:
             return goal.load()
         chosen = [entry.metadata["names"][0] for entry in fields(goal) if getattr(goal, entry.name)]
         chosen += ["--motion"] if self.motion else []
+        chosen += ["--choose-surface"] if self.choose_surface else []
         if chosen:
             raise InvalidInput(f"--trap excludes {', '.join(chosen)}: a trap has no target")
         return self.trap
@@ -320,10 +326,10 @@ def plan(
                     contact=contact.contact(), **arguments,
                 )  # fmt: skip
             else:
-                planned = plan_kick(
-                    robot, target, struck_ball, windy_air, contact=contact.contact(),
-                    surface=goal.surface, **arguments,
-                )  # fmt: skip
+                flight: dict[str, Any] = {"contact": contact.contact(), "surface": goal.surface}
+                if kick.choose_surface:
+                    robot = choose_surface(robot, target, struck_ball, windy_air, **flight)
+                planned = plan_kick(robot, target, struck_ball, windy_air, **flight, **arguments)
         except OutOfReach as error:
             if isinstance(target, Goal):
                 output.write_json(unreachable_json(target, error))
@@ -335,6 +341,8 @@ def plan(
         planned, run, noisy = _carry_out(planned, output)
     report = PlanReport(planned, wall, goal.goal_mouth)
     sentences, motion = report.sentences(), planned.motion
+    if kick.choose_surface:
+        sentences.append(f"The ball is struck with the {planned.leg.frame} of the foot.")
     if output.out is not None and motion is not None:
         motion.save(output.out)
     document = report.to_json()

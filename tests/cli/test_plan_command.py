@@ -73,6 +73,19 @@ def test_options_give_the_plan_of_the_library(line, kickdyn):
     assert document["time"] == pytest.approx(plan.path.duration, rel=optimized(1e-7))
 
 
+def test_the_surface_is_chosen_for_the_goal_on_the_line(kickdyn, monkeypatch):
+    asked = []
+
+    def choose(*values, **options):
+        asked.append((values[1].target.tolist(), options["contact"].friction))
+        return kd.kick_with(LEG, "instep")
+
+    monkeypatch.setattr("kickdyn.cli.plan_command.choose_surface", choose)
+    printed = kickdyn(f"plan {TO} --friction 0.3 --choose-surface").out
+    assert asked == [([10.0, 0.0, 0.0], 0.3)]
+    assert "struck with the instep" in printed
+
+
 def test_a_ball_lies_at_the_foot_of_a_straight_leg_or_of_a_robot_with_hips_10_percent_lower():
     robot, offset = load_leg("g1"), (0.0, 0.0, 0.01)
     foot = robot.posture(robot.configuration()).contact_point[2]

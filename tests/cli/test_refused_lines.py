@@ -44,7 +44,10 @@ REFUSED = [
     (f"{PLAN} --corrections 0", "--corrections", "1<=x<=10"),
     (f"{PLAN} --foot plate", "--foot is plate", "--run mujoco"),
     (f"{PLAN} --trap 0,0,0", "--trap", "--ball-position and --ball-velocity"),
-    (f"{PLAN} {MOVING} --trap 0,0,0", "--trap excludes --distance, --time"),
+    (
+        f"{PLAN} {MOVING} --trap 0,0,0 --choose-surface",
+        "--trap excludes --distance, --time, --choose-surface",
+    ),
     (f"{PLAN} {MOVING} --ball-height 0", "--ball-position excludes", "--ball-height"),
     # MuJoCo
     (f"{TUNE} --out - --json -", "--out and --json", "one"),

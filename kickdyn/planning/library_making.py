@@ -75,7 +75,7 @@ class LibraryMaking:
         self,
         file: Path,
         kicks: Kicks,
-        ranges: Mapping[str, tuple[float, float] | None],
+        ranges: Mapping[str, tuple[float, ...] | None],
         executor: Executor | None,
         progress: Callable[[str, int, int], None],
     ) -> None:
@@ -126,11 +126,13 @@ class LibraryMaking:
         ])  # fmt: skip
         stored = self.folder / "first.npz"
         if not stored.exists():
-            middle = [0.5 * sum(self.ranges[name] or (0.0, 0.0)) for name in AXES]
+            middle = [0.5 * sum((self.ranges[name] or (0.0, 0.0))[:2]) for name in AXES]
             kicks, point, found = first_motion(self.kicks, np.array(middle))
             if found.reason:
                 raise InvalidInput(f"no motion for the middle keeps all limits: {found.reason}")
-            pairs = [self.ranges[name] or (point[k], point[k]) for k, name in enumerate(AXES)]
+            pairs = [
+                (self.ranges[name] or (at, at))[:2] for name, at in zip(AXES, point, strict=True)
+            ]
             _write_arrays(stored, found.solution | {
                 "settings": settings, "ranges": np.array(pairs), "point": point,
                 "joints": np.array(kicks.joints), "aside": np.array([*kicks.aside], dtype=str),
@@ -145,7 +147,9 @@ class LibraryMaking:
         self.kicks = replace(self.kicks, joints=joints, aside=aside, near=first["near"])
         self.pickled = pickle.dumps(self.kicks)
         self.active = np.flatnonzero(self.upper > self.lower)
-        self.steps = np.array([*STEPS.values()]) * [self.upper[0], 1.0, 1.0, 1.0, 1.0]
+        steps = STEPS | {"speed": STEPS["speed"] * self.upper[0]}
+        steps |= {name: ends[2] for name, ends in self.ranges.items() if ends and len(ends) > 2}
+        self.steps = np.array([*steps.values()])
         span = (self.upper - self.lower)[self.active]
         counts = np.ceil(span / self.steps[self.active] - 1e-9)
         self.counts = np.maximum(counts, 1).astype(int)
@@ -185,13 +189,14 @@ class LibraryMaking:
             tuple(int(k) * self.unit for k in numbers)
             for numbers in product(*(range(count + 1) for count in self.counts))
         }
-        tried: dict[Key, int] = dict.fromkeys(self.nodes, 0)
+        tried: dict[Key, set[Key]] = {}
         while True:
             tasks = []
             for key in sorted(grid):
-                near = self._motions_near(key, (self.unit,) * len(key))
-                if self.nodes.get(key) != "" and len(near) > tried.get(key, 0):
-                    tried[key] = len(near)
+                others = self._motions_near(key, (self.unit,) * len(key))
+                near = [other for other in others if other not in tried.setdefault(key, set())]
+                if self.nodes.get(key) != "" and near:
+                    tried[key].update(near)
                     tasks.append((key, near))
             if not tasks:
                 return

@@ -92,13 +92,11 @@ class RangeOptions:
     """The ranges of a library; angles in degrees."""
 
     speed: str | None = option(
-        "--speed", metavar="LOW,HIGH[,STEP]|VALUE", help="Speeds of the launch [m/s]; without, "
-        "read FILE.",
-    )  # fmt: skip
+        "--speed", metavar="LOW,HIGH[,STEP]|VALUE", help="Speeds [m/s]; without, read FILE."
+    )
     elevation: str = option(
-        "--elevation", metavar="LOW,HIGH[,STEP]|VALUE", default="0",
-        help="Elevations of the launch [deg].",
-    )  # fmt: skip
+        "--elevation", metavar="LOW,HIGH[,STEP]|VALUE", default="0", help="Elevations [deg]."
+    )
     azimuth: str = option(
         "--azimuth", metavar="LOW,HIGH[,STEP]|VALUE", default="0",
         help="Directions of the launch to the left of x [deg].",
@@ -125,7 +123,7 @@ class RangeOptions:
         ranges = dict[str, Any]()
         for name in AXES:
             if (text := getattr(self, name)) is not None:
-                values = _numbers(name, text, (1, 2, 3), "LOW,HIGH or a value, such as 7.2,8.2")
+                values = _numbers(name, text, (1, 2, 3), "LOW,HIGH, a step or not, or a value")
                 scale = math.radians(1.0) if name in ("elevation", "azimuth") else 1.0
                 ranges[name] = [scale * value for value in values]
         return ranges

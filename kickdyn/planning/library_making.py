@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -32,11 +32,9 @@ STEPS = {"speed": 0.04, "elevation": math.radians(2), "azimuth": math.radians(2)
          "y": 0.02}  # fmt: skip
 """Largest distances of nodes: of the speed relative to the largest one, in rad, and in m."""
 
-REFINEMENTS = 1
-"""How often a cell that is not covered is halved."""
-
-AHEAD = 64
-"""Tasks that are given to an executor before the first of them is computed."""
+ATTEMPTS, REFINEMENTS = 2, 1
+"""Neighbours from which a motion is sought at most, and how often a cell that is not covered is
+halved."""
 
 Key = tuple[int, ...]
 """A point of the lattice of a library: numbers of steps along the axes that have a range."""
@@ -185,18 +183,18 @@ class LibraryMaking:
 
     def _plan_grid(self) -> None:
         """Plan motions next to those that there are, outward, until no more is found."""
-        grid = {
-            tuple(int(k) * self.unit for k in numbers)
-            for numbers in product(*(range(count + 1) for count in self.counts))
-        }
-        tried: dict[Key, set[Key]] = {}
+        sizes = (self.unit,) * len(self.counts)
+        grid = [*product(*(range(0, count * self.unit + 1, self.unit) for count in self.counts))]
+        tried = {key: {*self._motions_near(key, sizes)} for key in self.nodes}
         while True:
             tasks = []
-            for key in sorted(grid):
-                others = self._motions_near(key, (self.unit,) * len(key))
-                near = [other for other in others if other not in tried.setdefault(key, set())]
+            for key in grid:
+                former = tried.setdefault(key, set())
+                others = self._motions_near(key, sizes)
+                near = [other for other in others if other not in former]
+                near = near[: max(ATTEMPTS - len(former), 0)]
                 if self.nodes.get(key) != "" and near:
-                    tried[key].update(near)
+                    former.update(near)
                     tasks.append((key, near))
             if not tasks:
                 return
@@ -213,7 +211,7 @@ class LibraryMaking:
             (self._point(key), [_read_arrays(self._node_file(n)) for n in near])
             for key, near in tasks
         ]
-        results = in_order(self.executor, partial(_call, next_motion, self.pickled), jobs, AHEAD)
+        results = in_order(self.executor, partial(_call, next_motion, self.pickled), jobs)
         for (key, _), found in zip(tasks, results, strict=True):
             self._keep(key, found)
             self.progress("motions", len(self.nodes), max(total, len(self.nodes)))
@@ -264,7 +262,7 @@ class LibraryMaking:
             (self._point(key), np.mean([self._coefficients(c) for c in corners], axis=0))
             for key, corners in tasks.values()
         ]
-        results = in_order(self.executor, partial(_call, check_between, self.pickled), jobs, AHEAD)
+        results = in_order(self.executor, partial(_call, check_between, self.pickled), jobs)
         for number, (name, found) in enumerate(zip(tasks, results, strict=True), start=1):
             margins = found.margins.tolist()
             self._log({"check": name, "reason": found.reason, "margins": margins})
@@ -273,12 +271,9 @@ class LibraryMaking:
 
     def _reason(self, cell: Cell) -> str:
         """Return why a cell is not covered; empty where it is."""
-        for corner in cell.corners():
-            reason = self.nodes.get(corner, "there is no motion near it")
-            if reason:
-                return reason
-        reasons = (self.checks[_name(*checked)][0] for checked in cell.checked())
-        return next((reason for reason in reasons if reason), "")
+        of_nodes = (self.nodes.get(key, "there is no motion near it") for key in cell.corners())
+        of_checks = (self.checks[_name(*checked)][0] for checked in cell.checked())
+        return next(filter(None, chain(of_nodes, of_checks)), "")
 
     def _halves(self, cell: Cell) -> list[Cell]:
         """Return both halves of a cell, along the axis along which its motions differ most."""

@@ -23,9 +23,6 @@ from kickdyn.simulators.tune_mujoco import MujocoTuning
 FLIGHT_TIME = 0.05
 """Time of the short flights to the goals of nodes [s]."""
 
-AHEAD = 64
-"""Runs that are given to an executor before the first of them is computed."""
-
 
 @validation.check_arguments
 def correct_library(
@@ -68,7 +65,7 @@ def correct_library(
     numbers = np.flatnonzero(np.isnan(launches[:, 0]) & ~np.isnan(points[:, 0]))
     run = partial(_simulated_launch, pickle.dumps(plain), tuning=tuning)
     try:
-        results = in_order(executor, run, points[numbers], AHEAD)
+        results = in_order(executor, run, points[numbers])
         for count, (number, launch) in enumerate(zip(numbers, results, strict=True), start=1):
             launches[number] = launch
             with replacing(library.file) as draft, draft.open("wb") as out:

@@ -9,7 +9,7 @@ the ball, of one speed and elevation, whose motions are carried out in MuJoCo on
 is carried out once in MuJoCo, by a robot whose masses, friction and delay differ from the model at
 random. With `--rolling`, balls roll at up to 1 m/s to places in the square. Library and kicks are
 stored in build/public_task (--folder): the same command continues after an interruption. The
-library takes about half an hour of processor, a kick about 1 s.
+library takes about 15 minutes of processor, a kick about 1 s.
 """
 
 import argparse
@@ -60,8 +60,8 @@ FLIGHT_TIME = 0.05
 """Time of the flights for which motions are taken [s]."""
 
 TURNS, AIMED = 5, 0.2
-"""Corrections of the azimuth to aim, and the largest distance from the target at which a kick that
-is aimed is expected to pass it [m]."""
+"""Corrections of the azimuth to aim, and the largest distance from the target at which a kick is
+expected to pass it that counts as aimed [m]."""
 
 FASTEST_ROLLING = 1.0
 """Speed of a rolling ball at the impact [m/s]."""
@@ -285,7 +285,7 @@ def figures(rows: Sequence[dict]) -> dict[str, str]:
     return {
         "kicks": f"{len(rows)}",
         "the library has a kick for this ball": share("place"),
-        f"which is aimed within {AIMED:g} m": share("expected", AIMED),
+        f"and expects it within {AIMED:g} m": share("expected", AIMED),
         "foot touches the ball": share("touched"),
         "upright after the kick": share("upright"),
         "ball crosses the plane": share("error", math.inf),

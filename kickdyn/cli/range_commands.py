@@ -91,21 +91,21 @@ class RangeOptions:
     """The ranges of a library; angles in degrees."""
 
     speed: str | None = option(
-        "--speed", metavar="LOW,HIGH|VALUE", help="Speeds of the launch [m/s]; without, read FILE."
+        "--speed", metavar="LOW,HIGH[,STEP]|VALUE", help="Speeds [m/s]; without, read FILE."
     )
     elevation: str = option(
-        "--elevation", metavar="LOW,HIGH|VALUE", default="0", help="Elevations of the launch [deg]."
+        "--elevation", metavar="LOW,HIGH[,STEP]|VALUE", default="0", help="Elevations [deg]."
     )
     azimuth: str = option(
-        "--azimuth", metavar="LOW,HIGH|VALUE", default="0",
+        "--azimuth", metavar="LOW,HIGH[,STEP]|VALUE", default="0",
         help="Directions of the launch to the left of x [deg].",
     )  # fmt: skip
     x: str | None = option(
-        "--ball-x", metavar="LOW,HIGH|VALUE", help="Places of the ball's centre ahead of the "
-        "origin [m].  [default: the place that suits the middle of the ranges best]",
+        "--ball-x", metavar="LOW,HIGH[,STEP]|VALUE", help="Places of the ball's centre ahead of "
+        "the origin [m].  [default: the place that suits the middle of the ranges best]",
     )  # fmt: skip
     y: str | None = option(
-        "--ball-y", metavar="LOW,HIGH|VALUE", help="Likewise, to the left of the origin [m]."
+        "--ball-y", metavar="LOW,HIGH[,STEP]|VALUE", help="Likewise, to the left of the origin [m]."
     )
     height: float | None = option(
         "--ball-height", help="Height of the ball's centre, which a leg on a fixed base needs [m]."
@@ -122,9 +122,9 @@ class RangeOptions:
         ranges = dict[str, Any]()
         for name in AXES:
             if (text := getattr(self, name)) is not None:
-                values = _numbers(name, text, (1, 2), "LOW,HIGH or a value, such as 7.2,8.2")
+                values = _numbers(name, text, (1, 2, 3), "LOW,HIGH, a step or not, or a value")
                 scale = math.radians(1.0) if name in ("elevation", "azimuth") else 1.0
-                ranges[name] = scale * values[0], scale * values[-1]
+                ranges[name] = [scale * value for value in values]
         return ranges
 
     def executor(self) -> AbstractContextManager[Executor | None]:

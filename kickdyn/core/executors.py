@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 def in_order(
-    executor: Executor | None, function: Callable[[A], T], arguments: Iterable[A], ahead: int
+    executor: Executor | None, function: Callable[[A], T], arguments: Iterable[A], ahead: int = 64
 ) -> Iterator[T]:
     """Yield the results of a function, in the order of arguments; `ahead` are submitted ahead.
 

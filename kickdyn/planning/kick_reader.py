@@ -177,7 +177,7 @@ class KickReader:
             return None
         place = np.append(self.node_points[np.nanargmin(far), :3], wished[3:])
         for _ in range(ITERATIONS):
-            launch = self._simulated(place)
+            launch = self.simulated(place)
             if launch is None:
                 return None
             error, turn = (wished[:2] - launch[:2]) * scale, float(wished[2] - launch[2])
@@ -186,7 +186,7 @@ class KickReader:
                 return place, turn
             slopes = np.zeros((2, len(free)))
             for k, axis in enumerate(free):
-                near = ((n, self._simulated(place + n * steps[axis])) for n in (-1, 0, 1))
+                near = ((n, self.simulated(place + n * steps[axis])) for n in (-1, 0, 1))
                 ends = [(n, at) for n, at in near if at is not None]
                 (n, first), (m, last) = ends[0], ends[-1]
                 slopes[:, k] = (last - first)[:2] * scale / (max(m - n, 1) * steps[axis, axis])
@@ -195,7 +195,7 @@ class KickReader:
             place[:3] = np.clip(place, low, high)[:3]
         return None
 
-    def _simulated(self, point: Array) -> Array | None:
+    def simulated(self, point: Array) -> Array | None:
         """Return speed, elevation and azimuth in MuJoCo of the kick at a point, if any."""
         number = self.cell(point)
         if number is None:

@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -32,11 +32,9 @@ STEPS = {"speed": 0.04, "elevation": math.radians(2), "azimuth": math.radians(2)
          "y": 0.02}  # fmt: skip
 """Largest distances of nodes: of the speed relative to the largest one, in rad, and in m."""
 
-REFINEMENTS = 1
-"""How often a cell that is not covered is halved."""
-
-AHEAD = 64
-"""Tasks that are given to an executor before the first of them is computed."""
+ATTEMPTS, REFINEMENTS = 2, 1
+"""Neighbours from which a motion is sought at most, and how often a cell that is not covered is
+halved."""
 
 Key = tuple[int, ...]
 """A point of the lattice of a library: numbers of steps along the axes that have a range."""
@@ -75,7 +73,7 @@ class LibraryMaking:
         self,
         file: Path,
         kicks: Kicks,
-        ranges: Mapping[str, tuple[float, float] | None],
+        ranges: Mapping[str, tuple[float, ...] | None],
         executor: Executor | None,
         progress: Callable[[str, int, int], None],
     ) -> None:
@@ -126,11 +124,13 @@ class LibraryMaking:
         ])  # fmt: skip
         stored = self.folder / "first.npz"
         if not stored.exists():
-            middle = [0.5 * sum(self.ranges[name] or (0.0, 0.0)) for name in AXES]
+            middle = [0.5 * sum((self.ranges[name] or (0.0, 0.0))[:2]) for name in AXES]
             kicks, point, found = first_motion(self.kicks, np.array(middle))
             if found.reason:
                 raise InvalidInput(f"no motion for the middle keeps all limits: {found.reason}")
-            pairs = [self.ranges[name] or (point[k], point[k]) for k, name in enumerate(AXES)]
+            pairs = [
+                (self.ranges[name] or (at, at))[:2] for name, at in zip(AXES, point, strict=True)
+            ]
             _write_arrays(stored, found.solution | {
                 "settings": settings, "ranges": np.array(pairs), "point": point,
                 "joints": np.array(kicks.joints), "aside": np.array([*kicks.aside], dtype=str),
@@ -145,7 +145,9 @@ class LibraryMaking:
         self.kicks = replace(self.kicks, joints=joints, aside=aside, near=first["near"])
         self.pickled = pickle.dumps(self.kicks)
         self.active = np.flatnonzero(self.upper > self.lower)
-        self.steps = np.array([*STEPS.values()]) * [self.upper[0], 1.0, 1.0, 1.0, 1.0]
+        steps = STEPS | {"speed": STEPS["speed"] * self.upper[0]}
+        steps |= {name: ends[2] for name, ends in self.ranges.items() if ends and len(ends) > 2}
+        self.steps = np.array([*steps.values()])
         span = (self.upper - self.lower)[self.active]
         counts = np.ceil(span / self.steps[self.active] - 1e-9)
         self.counts = np.maximum(counts, 1).astype(int)
@@ -181,17 +183,18 @@ class LibraryMaking:
 
     def _plan_grid(self) -> None:
         """Plan motions next to those that there are, outward, until no more is found."""
-        grid = {
-            tuple(int(k) * self.unit for k in numbers)
-            for numbers in product(*(range(count + 1) for count in self.counts))
-        }
-        tried: dict[Key, int] = dict.fromkeys(self.nodes, 0)
+        sizes = (self.unit,) * len(self.counts)
+        grid = [*product(*(range(0, count * self.unit + 1, self.unit) for count in self.counts))]
+        tried = {key: {*self._motions_near(key, sizes)} for key in self.nodes}
         while True:
             tasks = []
-            for key in sorted(grid):
-                near = self._motions_near(key, (self.unit,) * len(key))
-                if self.nodes.get(key) != "" and len(near) > tried.get(key, 0):
-                    tried[key] = len(near)
+            for key in grid:
+                former = tried.setdefault(key, set())
+                others = self._motions_near(key, sizes)
+                near = [other for other in others if other not in former]
+                near = near[: max(ATTEMPTS - len(former), 0)]
+                if self.nodes.get(key) != "" and near:
+                    former.update(near)
                     tasks.append((key, near))
             if not tasks:
                 return
@@ -208,7 +211,7 @@ class LibraryMaking:
             (self._point(key), [_read_arrays(self._node_file(n)) for n in near])
             for key, near in tasks
         ]
-        results = in_order(self.executor, partial(_call, next_motion, self.pickled), jobs, AHEAD)
+        results = in_order(self.executor, partial(_call, next_motion, self.pickled), jobs)
         for (key, _), found in zip(tasks, results, strict=True):
             self._keep(key, found)
             self.progress("motions", len(self.nodes), max(total, len(self.nodes)))
@@ -259,7 +262,7 @@ class LibraryMaking:
             (self._point(key), np.mean([self._coefficients(c) for c in corners], axis=0))
             for key, corners in tasks.values()
         ]
-        results = in_order(self.executor, partial(_call, check_between, self.pickled), jobs, AHEAD)
+        results = in_order(self.executor, partial(_call, check_between, self.pickled), jobs)
         for number, (name, found) in enumerate(zip(tasks, results, strict=True), start=1):
             margins = found.margins.tolist()
             self._log({"check": name, "reason": found.reason, "margins": margins})
@@ -268,12 +271,9 @@ class LibraryMaking:
 
     def _reason(self, cell: Cell) -> str:
         """Return why a cell is not covered; empty where it is."""
-        for corner in cell.corners():
-            reason = self.nodes.get(corner, "there is no motion near it")
-            if reason:
-                return reason
-        reasons = (self.checks[_name(*checked)][0] for checked in cell.checked())
-        return next((reason for reason in reasons if reason), "")
+        of_nodes = (self.nodes.get(key, "there is no motion near it") for key in cell.corners())
+        of_checks = (self.checks[_name(*checked)][0] for checked in cell.checked())
+        return next(filter(None, chain(of_nodes, of_checks)), "")
 
     def _halves(self, cell: Cell) -> list[Cell]:
         """Return both halves of a cell, along the axis along which its motions differ most."""

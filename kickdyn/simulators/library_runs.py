@@ -18,18 +18,17 @@ from kickdyn.planning.kick_library import KickLibrary
 from kickdyn.planning.kick_reader import launch_axes, launch_velocity, write_kicks
 from kickdyn.simulators.mujoco_kick import load_mujoco
 from kickdyn.simulators.run_in_mujoco import run_in_mujoco
+from kickdyn.simulators.tune_mujoco import MujocoTuning
 
 FLIGHT_TIME = 0.05
 """Time of the short flights to the goals of nodes [s]."""
-
-AHEAD = 64
-"""Runs that are given to an executor before the first of them is computed."""
 
 
 @validation.check_arguments
 def correct_library(
     library: KickLibrary,
     *,
+    tuning: MujocoTuning | None = None,
     executor: Executor | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> KickLibrary:
@@ -45,6 +44,8 @@ def correct_library(
 
     Args:
         library: of `kick_library`.
+        tuning: contact of all motions, as for `run_in_mujoco`; it saves most of the time. None is
+            a contact for each motion.
         executor: of processes or of a cluster, as for `sweep`; None computes here.
         progress: is called with `runs`, how many are done, and of how many.
 
@@ -62,9 +63,9 @@ def correct_library(
     plain = KickLibrary(library.file, library.robot)
     plain.reader.arrays.pop("simulated", None)
     numbers = np.flatnonzero(np.isnan(launches[:, 0]) & ~np.isnan(points[:, 0]))
-    run = partial(_simulated_launch, pickle.dumps(plain))
+    run = partial(_simulated_launch, pickle.dumps(plain), tuning=tuning)
     try:
-        results = in_order(executor, run, points[numbers], AHEAD)
+        results = in_order(executor, run, points[numbers])
         for count, (number, launch) in enumerate(zip(numbers, results, strict=True), start=1):
             launches[number] = launch
             with replacing(library.file) as draft, draft.open("wb") as out:
@@ -84,9 +85,10 @@ def _unpickled(library: bytes) -> KickLibrary:
     return pickle.loads(library)  # type: ignore[no-any-return]
 
 
-def _simulated_launch(pickled: bytes, point: Array) -> Array:
+def _simulated_launch(pickled: bytes, point: Array, tuning: MujocoTuning | None) -> Array:
     """Return speed, elevation and azimuth of the ball that a library's kick gives, or NaN."""
     fall = np.array([0.0, 0.0, -0.5 * 9.81 * FLIGHT_TIME**2])
     goal = Goal(FLIGHT_TIME * launch_velocity(point) + fall, time=FLIGHT_TIME)
-    run = run_in_mujoco(_unpickled(pickled).plan(goal, ball_position=point[3:]))
+    plan = _unpickled(pickled).plan(goal, ball_position=point[3:])
+    run = run_in_mujoco(plan, tuning=tuning)
     return np.full(3, math.nan) if run.path is None else launch_axes(run.ball_after.velocity)

@@ -20,6 +20,7 @@ from kickdyn.impact.collide import collide
 from kickdyn.planning.kick import replan_motion, turn_plan
 from kickdyn.planning.kick_library import KickLibrary
 from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.kick_reader import launch_axes
 from kickdyn.planning.launch import Launch, plan_launch
 from kickdyn.robot.standing import is_floating
 from kickdyn.robot.striking_shapes import FootKind
@@ -248,12 +249,11 @@ def _try(plan: KickPlan, by: Observer, foot: FootKind) -> _Tried:
     wished = _wished_velocity(plan, ball)
     if not is_floating(plan.leg):
         return _Tried(plan, wished - ball.velocity, 0.0)
-    turn = _azimuth(wished) - _azimuth(ball.velocity)
+    turn = launch_axes(wished)[2] - launch_axes(ball.velocity)[2]
     # a turned robot kicks the ball from another place, if only by a millimetre
     wished = _wished_velocity(plan, _turned(ball, turn, plan.impact.ball_before.position))
-    turn = _azimuth(wished) - _azimuth(ball.velocity)
-    turn = math.remainder(turn, math.tau)
-    azimuth = _azimuth(plan.impact.ball_after.velocity) - _azimuth(wished)
+    turn = math.remainder(launch_axes(wished)[2] - launch_axes(ball.velocity)[2], math.tau)
+    azimuth = launch_axes(plan.impact.ball_after.velocity)[2] - launch_axes(wished)[2]
     error = _about_vertical(azimuth) @ (wished - _about_vertical(turn) @ ball.velocity)
     return _Tried(plan, error, turn)
 
@@ -285,10 +285,6 @@ def _observe(plan: KickPlan, by: Observer, foot: FootKind) -> BallState:
     if run.path is None:
         raise KickdynError("the foot does not reach the ball in MuJoCo: nothing can be corrected")
     return replace(run.ball_after, time=0.5 * run.contact_time)
-
-
-def _azimuth(velocity: Array) -> float:
-    return math.atan2(velocity[1], velocity[0])
 
 
 def _about_vertical(angle: float) -> Array:

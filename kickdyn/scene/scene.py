@@ -285,12 +285,17 @@ class Scene(ReprMixin):
                 )
         else:
             law = find_law(law, "law").name
+        deviations = validation.mapping("uncertainty", uncertainty)
+        for source, deviation in deviations.items():
+            if source not in UNITS:
+                shown, choices = validation.brief(source), ", ".join(UNITS)
+                raise InvalidInput(f"uncertainty of {shown} is unknown: choose {choices}")
+            validation.floats(f"uncertainty of {source}", deviation)
         self.__dict__.update(
             posture=posture.with_contact_offset(contact.offset),
             v=validation.read_only(validation.vector("v", v, posture.leg.nv)),
             ball=ball, contact=contact, law=law, incoming=incoming or BallState(),
-            air=air, ground=ground, plane=plane, wall=wall,
-            uncertainty=_checked_uncertainty(uncertainty), name=name,
+            air=air, ground=ground, plane=plane, wall=wall, uncertainty=deviations, name=name,
         )  # fmt: skip
         if self.incoming.velocity.shape != (3,):
             shape = self.incoming.velocity.shape
@@ -330,6 +335,12 @@ class Scene(ReprMixin):
     def as_instant(self) -> "Scene":
         """Return the scene with an instantaneous contact."""
         return self.replace(law="newton")
+
+    @property
+    def impact_arguments(self) -> dict[str, Any]:
+        """The bodies and the contact, as keyword arguments of `strike` and `collide`."""
+        ball = {"ball_velocity": self.incoming.velocity, "ball_spin": self.incoming.spin}
+        return {name: getattr(self, name) for name in ("posture", "v", "ball", "contact")} | ball
 
     @property
     def ball_position(self) -> Array:
@@ -381,13 +392,3 @@ class Scene(ReprMixin):
             if value is not None:
                 kind = type(value).__name__
                 yield name, repr(value).removeprefix(f"{kind}(").removesuffix(")"), ""
-
-
-def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
-    checked = validation.mapping("uncertainty", value)
-    for name, deviation in checked.items():
-        if name not in UNITS:
-            shown, choices = validation.brief(name), ", ".join(UNITS)
-            raise InvalidInput(f"uncertainty of {shown} is unknown: choose {choices}")
-        validation.floats(f"uncertainty of {name}", deviation)
-    return checked

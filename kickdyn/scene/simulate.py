@@ -98,7 +98,7 @@ class Simulation(ReprMixin):
             return math.inf
         error = path_error(scene, path)
         if isinstance(impact, Collision):
-            error += end_error(scene, path, collision_error(scene, self.launch, impact.tol))
+            error += end_error(scene, path, collision_error(scene.ball, self.launch, impact.tol))
         return error
 
     @property
@@ -314,16 +314,20 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
                 f"tolerance is {tolerance:g} m, below rounding: it must be {ROUNDING:g} m or more, "
                 "or None for everything as exact as possible"
             )
-    answer = _simulate(scene, tolerance)
-    return replace(answer, seconds=time.process_time() - began)
 
+    def answer(
+        impact: Impact | Collision, path: Flight | Course | None = None, model_error: float = 0.0
+    ) -> Simulation:
+        path, sources = path or fly_scene(scene, impact.ball_after), scene.uncertainty
+        spread = strike_scene(scene).uncertainty(**sources) if sources else None
+        seconds = time.process_time() - began
+        return Simulation(scene, tolerance, impact, path, spread, model_error, seconds=seconds)
 
-def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
-    if tolerance is None and scene.is_compliant:
-        return _with_path(scene, None, collide_scene(scene, SMALLEST_TOLERANCE))
+    if not scene.is_compliant:
+        return answer(strike_scene(scene))
+    if tolerance is None:
+        return answer(collide_scene(scene, SMALLEST_TOLERANCE))
     instant = strike_scene(scene)
-    if tolerance is None or not scene.is_compliant:
-        return _with_path(scene, tolerance, instant)
     allowed, launch_error = CONTACT_SHARE * tolerance, contact_time_error(scene, instant)
     if launch_error.velocity < math.inf:
         with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
@@ -331,26 +335,13 @@ def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
             size = end_error(scene, path, launch_error)
             # where the path ends at once, the launch with contact time may well fly
             if size <= allowed and path.duration > 0.0:
-                return _with_path(scene, tolerance, instant, path, size)
+                return answer(instant, path, size)
     for tol in (USUAL_TOLERANCE, SMALLEST_TOLERANCE):
-        answer = _with_path(scene, tolerance, collide_scene(scene, tol))
-        error = end_error(scene, answer.path, collision_error(scene, answer.launch, tol))
+        found = answer(collide_scene(scene, tol))
+        error = end_error(scene, found.path, collision_error(scene.ball, found.launch, tol))
         if not allowed < error < math.inf:
             break
-    return answer
-
-
-def _with_path(
-    scene: Scene,
-    tolerance: float | None,
-    impact: Impact | Collision,
-    path: Flight | Course | None = None,
-    model_error: float = 0.0,
-) -> Simulation:
-    path = path or fly_scene(scene, impact.ball_after)
-    uncertainty = scene.uncertainty
-    spread = strike_scene(scene).uncertainty(**uncertainty) if uncertainty else None
-    return Simulation(scene, tolerance, impact, path, spread, model_error)
+    return found
 
 
 def simulate_as_instant(scene: Scene) -> Simulation:

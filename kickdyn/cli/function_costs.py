@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -112,7 +113,7 @@ def measure_functions(report: Callable[[str], None] = lambda _: None) -> list[Fu
     for code in (strike_kernel.KERNEL, COLLIDE, MARCH, sweep_kernel.KERNEL, EVALUATE):
         code.pays(math.inf)
     rows = []
-    for name, run, count, rounding, model, alike in functions():
+    for name, run, count, rounding, model, alike in chain(_impacts(), _flights()):
         report(name)
         seconds, of_alike = (_seconds(call) / count if call else math.nan for call in (run, alike))
         rows.append(FunctionCost(name, seconds, count > 1, rounding(), model, of_alike))
@@ -167,12 +168,6 @@ def mixture(q: Array, v: Array) -> tuple[Array, Array]:
     rows = draw.permutation(chosen)[:ROWS]
     rows[-1] = v
     return np.tile(q, (ROWS, 1)), rows
-
-
-def functions() -> Iterator[MeasuredFunction]:
-    """Yield every function that is measured."""
-    yield from _impacts()
-    yield from _flights()
 
 
 def _impacts() -> Iterator[MeasuredFunction]:
@@ -234,10 +229,8 @@ def _flights() -> Iterator[MeasuredFunction]:
     spin = draw.normal(0, 30, (ROWS, 3))
     velocity[-1], spin[-1] = launch.velocity, launch.spin
     mixed = BallState(launch.position, velocity, spin)
-    single: Any
-    batch: Any
-    for single, batch, ends in ((fly, fly_many, "landing_position"),
-                                (follow, follow_many, "position")):  # fmt: skip
+    pairs: Any = (fly, fly_many, "landing_position"), (follow, follow_many, "position")
+    for single, batch, ends in pairs:
         one, many = partial(single, launch, ball, air), partial(batch, mixed, ball, air)
         exact = end_of(one(tol=1e-13)).position - launch.position
 

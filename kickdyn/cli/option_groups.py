@@ -223,7 +223,14 @@ class JsonOptions:
 
     def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
         """Refuse outputs that cannot be written or are inputs; name those that are replaced."""
-        replaced = check_outputs(*files, json_file=self.json_file, inputs=inputs)
+        page, plot = (getattr(self, name, None) for name in ("view", "plot"))
+        if page is not None:
+            check_page_name(page)
+        if plot is not None:
+            from kickdyn.core.plot_style import check_name  # imports matplotlib
+
+            check_name(plot)
+        replaced = check_outputs(*files, page, plot, json_file=self.json_file, inputs=inputs)
         if replaced:
             will = "exists and will be" if len(replaced) == 1 else "exist and will be"
             click.echo(f"{printable(', '.join(replaced))} {will} replaced", err=True)
@@ -257,14 +264,6 @@ class PlotOptions(JsonOptions):
 
     plot: str | None = option("--plot", metavar="FILE", help="Plot the results: .png, .svg, .pdf.")
 
-    def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
-        """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""
-        if self.plot is not None:
-            from kickdyn.core.plot_style import check_name  # imports matplotlib
-
-            check_name(self.plot)
-        super().check(*files, self.plot, inputs=inputs)
-
     def save_plot(self, draw: Callable[[], Any]) -> None:
         """Write the figure that a function returns, if a file is named."""
         if self.plot is not None:
@@ -280,12 +279,6 @@ class OutputOptions(PlotOptions):
     view: str | None = option(
         "--view", metavar="FILE.html|.png", help="Write a 3-D page, or a picture of it."
     )
-
-    def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
-        """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""
-        if self.view is not None:
-            check_page_name(self.view)
-        super().check(*files, self.view, inputs=inputs)
 
     def save_page(self, subject: Any, **options: Any) -> None:
         """Write the page of a subject, as `page` takes it, if a file is named; show warnings."""

@@ -204,11 +204,13 @@ def _save_page(file: str, kick: Kick, lines: Iterable[ReportLine]) -> str | None
     """Write a page with a button for each line that has an impact; return its name, if any has."""
     from kickdyn.view.page import page, page_of_pages  # imports meshcat
 
-    pages = {}
-    for line in lines:
-        if (impact := line.outcome.impact) is not None:
-            path = fly(impact.ball_after, kick.ball, kick.air)
-            pages[line.label] = page(impact, path, caption=line.explanation)
+    pages = {
+        line.label: page(
+            impact, fly(impact.ball_after, kick.ball, kick.air), caption=line.explanation
+        )
+        for line in lines
+        if (impact := line.outcome.impact) is not None
+    }
     if not pages:
         return None
     made_page = page_of_pages(pages)

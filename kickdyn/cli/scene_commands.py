@@ -51,10 +51,6 @@ def simulate(scene_file: str, tolerance: float | None, exact: bool, output: Json
     output.name_written()
 
 
-JOINT_NUMBERS = "force force_deviation moment moment_deviation"
-"""Numbers of `JointUncertainty` in JSON [N s, N m s]."""
-
-
 def numbers_of(answer: Simulation) -> dict[str, Any]:
     """Return the numbers of a simulation for JSON, in SI units; null where one is not finite."""
     passage, score = answer.passage, answer.score
@@ -73,13 +69,12 @@ def numbers_of(answer: Simulation) -> dict[str, Any]:
 
 
 def _simulation_document(answer: Simulation) -> dict[str, Any]:
-    """Return the numbers of a simulation, its tolerance and its effects."""
     numbers = numbers_of(answer)
     numbers |= attributes(answer, "tolerance within_tolerance status method evaluations seconds")
     numbers |= attributes(answer, "model_error numerical_error end_deviation")
+    of_joint = "force force_deviation moment moment_deviation"
     numbers["joint_impulses"] = answer.launch_spread and {
-        name: attributes(joint, JOINT_NUMBERS)
-        for name, joint in answer.launch_spread.joints.items()
+        name: attributes(joint, of_joint) for name, joint in answer.launch_spread.joints.items()
     }
     numbers["effects"] = [
         {"modelled": size.effect in answer.modelled, "size": plain(size.end),
@@ -139,7 +134,6 @@ def view(
 
 
 def _view_document(simulation: Simulation) -> dict[str, Any]:
-    """Return the numbers of a scene: SI units, joint angles in degrees as given."""
     from kickdyn.view.kick_scene import joint_impulses_in_world
 
     impact = simulation.impact
@@ -163,9 +157,6 @@ def _view_document(simulation: Simulation) -> dict[str, Any]:
         "neglected": dict.fromkeys(simulation.neglected, plain(simulation.model_error)),
     }
 
-
-TOLERANCE = 0.05
-"""The default tolerance of `simulate`, a line in the picture [m]."""
 
 LEAST_EFFECT = 1e-9
 """Shorter distances are due to the integrators [m]."""
@@ -191,7 +182,6 @@ def tradeoff(scene: str | None, output: PlotOptions) -> None:
 
 
 def _compare_functions(output: PlotOptions) -> None:
-    """Measure the functions; write and print the results."""
     from kickdyn.cli.function_costs import cost_figure, measure_functions  # imports numba
 
     with busy("measuring") as show:
@@ -216,7 +206,6 @@ def _compare_functions(output: PlotOptions) -> None:
 
 
 def _measure_scene(scene: str, output: PlotOptions) -> None:
-    """Measure the effects of a scene; write and print the results."""
     loaded = load_scene(scene)
     with busy("measuring"):
         exact = simulate_scene(loaded, None)
@@ -234,7 +223,7 @@ def _measure_scene(scene: str, output: PlotOptions) -> None:
 
 
 @styled()
-def effect_figure(title: str, sizes: Sequence[EffectSize], tolerance: float = TOLERANCE) -> Any:
+def effect_figure(title: str, sizes: Sequence[EffectSize], tolerance: float = 0.05) -> Any:
     """Return the displacement of the end by neglecting each effect, as logarithmic bars.
 
     A line is drawn at the tolerance [m]: half of it is there for all neglected effects.

@@ -21,8 +21,7 @@ from kickdyn.identification.identification_result import (
     with_deviation,
 )
 from kickdyn.identification.identify import identify as identify_flight
-from kickdyn.identification.segments import segments
-from kickdyn.identification.segments_result import COEFFICIENTS, SMOOTHED, SegmentKind, Segments
+from kickdyn.identification.segments import COEFFICIENTS, SMOOTHED, SegmentKind, Segments, segments
 from kickdyn.identification.track import Track
 
 SHORTEST = 0.4

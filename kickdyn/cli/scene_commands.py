@@ -15,8 +15,7 @@ from kickdyn.core.files import attributes, plain
 from kickdyn.core.plot_style import styled
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
-from kickdyn.scene.effects import EffectSize
-from kickdyn.scene.simulate import Simulation, simulate_as_instant
+from kickdyn.scene.simulate import EffectSize, Simulation, simulate_as_instant
 from kickdyn.scene.simulate import simulate as simulate_scene
 from kickdyn.scene.toml_reader import load_scene
 

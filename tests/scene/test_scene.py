@@ -8,8 +8,8 @@ import pytest
 from tolerances import closed_form, optimized
 
 import kickdyn as kd
-from kickdyn.scene.effects import EFFECTS, effects_of
 from kickdyn.scene.scene import FRAME, MOUTH, Passage, passage_on, read_wall, score_at
+from kickdyn.scene.simulate import EFFECTS, effects_of
 
 LEG = kd.Leg.human()
 POSTURE = LEG.posture([0.1, 0.2, 0.0])

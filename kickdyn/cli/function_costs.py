@@ -140,11 +140,7 @@ def _gap(answer: Any, exact: Any) -> float:
 
 
 class MeasuredFunction(NamedTuple):
-    """A function that is measured: its call, for a number of rows, of a batch a mixture of them.
-
-    `rounding` returns the relative error by rounding and integration, `model` is that of the model;
-    `run_alike` is the call of a batch whose rows are all the same kick.
-    """
+    """A function to measure: its call for a number of rows, errors, and a call for equal rows."""
 
     name: str
     run: Callable[[], object]
@@ -155,11 +151,7 @@ class MeasuredFunction(NamedTuple):
 
 
 def mixture(q: Array, v: Array) -> tuple[Array, Array]:
-    """Return q and v of `ROWS` strikes: a third each stick, slip and miss; the last row is given.
-
-    The joint velocities are drawn from a normal distribution; of the draws, as many of each kind
-    are taken.
-    """
+    """Return q and v of `ROWS` random strikes: a third each stick, slip and miss, then (q, v)."""
     draw, third, leg = np.random.default_rng(0), ROWS // 3, Leg.human()
     drawn = draw.normal(0.0, math.hypot(*v) / math.sqrt(len(v)), (10 * ROWS, len(v)))
     contact = Contact((math.cos(ATTACK), 0.0, math.sin(ATTACK)), 0.8, FRICTION)
@@ -258,11 +250,7 @@ def _flights() -> Iterator[MeasuredFunction]:
 
 
 def on_front(rows: Sequence[FunctionCost], kind: str) -> set[str]:
-    """Return the functions for which no other is at least as exact, and faster.
-
-    They are compared with what computes the same, one by one or in a batch, by their error `kind`,
-    `"model"` or `"rounding"`.
-    """
+    """Return functions faster than all that compute the same as exactly, by error `kind`."""
     front = set()
     for row in rows:
         error = getattr(row, kind)
@@ -279,10 +267,7 @@ def on_front(rows: Sequence[FunctionCost], kind: str) -> set[str]:
 
 @styled()
 def cost_figure(rows: Sequence[FunctionCost]) -> Figure:
-    """Return error against cost in two panels, of model and rounding; squares are batches.
-
-    Names of functions that are not `on_front` are grey.
-    """
+    """Return error against cost, of model and of rounding; slower functions have grey names."""
     figure = Figure(figsize=(11.0, 4.2))
     panels: Any = figure.subplots(1, 2)
     for axes, title, kind in zip(

@@ -138,7 +138,6 @@ def identify(
 
 
 def _print(split: Segments | None, fits: list[FittedFlight], failures: list[str]) -> None:
-    """Print the segments of the track, a line for each flight, and the means over the flights."""
     lines = [] if split is None else [f"{split}\n"]
     if len(fits) == 1:
         lines.append(str(fits[0].result))
@@ -185,7 +184,6 @@ def _print(split: Segments | None, fits: list[FittedFlight], failures: list[str]
 
 
 def _means(fits: list[FittedFlight]) -> dict[str, FlightMean | None]:
-    """Return the mean of the drag coefficient, or of the factor, over the flights, by its name."""
     results = [fit.result for fit in fits]
     return {
         name: mean_over_flights(results, name)
@@ -195,7 +193,6 @@ def _means(fits: list[FittedFlight]) -> dict[str, FlightMean | None]:
 
 
 def _unused(split: Segments) -> tuple[int, int]:
-    """Return the number of flights too short to fit, and the number of samples at their ends."""
     short = sum(flight.duration < SHORTEST for flight in split.flights)
     samples = sum(len(segment) for segment in split.parts if segment.kind is SegmentKind.FLIGHT)
     return short, samples - sum(len(flight) for flight in split.flights)
@@ -204,7 +201,6 @@ def _unused(split: Segments) -> tuple[int, int]:
 def _document(
     split: Segments | None, fits: list[FittedFlight], failures: list[str]
 ) -> dict[str, Any]:
-    """Return all numbers; those that the measurement does not determine are null."""
     flights = [
         {
             **{"first": first, "last": last},

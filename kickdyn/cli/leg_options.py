@@ -43,11 +43,9 @@ def load_leg(
 ) -> Leg:
     """Return a leg by one of the names `LEGS` or of robot_descriptions, or of a URDF or MJCF file.
 
-    On a `fixed` base, a robot is its kicking leg; on a `floating` one, both legs and the base. The
-    contact frame is by default a robot's toe, or the frame `toe` of a file; a file's meshes may be
-    in the folders `package_dirs`; `locked` has values of joints that do not move [deg; m for
-    prismatic joints]; `drives` and `legs_only` are as for `Leg.from_robot`. Raises
-    `InvalidInput`, or `FaultyFile` if the file is refused.
+    On a `fixed` base, a robot is its kicking leg; on a `floating` one, both legs and the base.
+    The contact frame is by default `toe`. Values of `locked` joints are in degrees or metres;
+    all else is as for `Leg.from_robot` and `Leg.from_urdf`.
     """
     degrees = InDegrees(locked or {})
     if name.startswith("human:"):
@@ -144,13 +142,10 @@ class LegOptions:
     )  # fmt: skip
 
     def load(self, *, whole: bool = False, base: str | None = None) -> Leg:
-        """Return the leg, its warnings written to standard error.
+        """Return the leg, on a floating base if it stands on a support; write its warnings.
 
-        A leg that stands on a support has a floating base, which could not move otherwise.
-
-        Args:
-            whole: whether a robot has all its joints, and a floating base.
-            base: `fixed` or `floating`, in place of the usual one.
+        A `whole` robot has all its joints and a floating base; `base` replaces the usual
+        one.
         """
         locked, supports, loops = (
             self._read_locked(),

@@ -29,19 +29,13 @@ NAMED_BALLS = {"size-5": Ball, "paper": Ball.paper}
 
 
 def option(*names: str, **settings: Any) -> Any:
-    """Return a field of a group: the option that `click.option` makes of the same arguments.
-
-    Its help shows the default, and its type may follow from the annotation, see `TYPES`.
-    """
+    """Return a field of a group: the arguments of its `click.option`; `TYPES` may add a type."""
     shown = {"show_default": "default" in settings}
     return field(metadata={"names": names, "settings": shown | settings})
 
 
 def command(name: str) -> Callable[[Callable[..., None]], click.Command]:
-    """Return a decorator that makes a command of a function.
-
-    The function receives groups as the arguments that they annotate.
-    """
+    """Return a decorator that makes a command of a function whose annotations are groups."""
 
     def make(function: Callable[..., None]) -> click.Command:
         annotated = function.__annotations__.items()
@@ -241,10 +235,7 @@ class JsonOptions:
             write_json(self.json_file, document)
 
     def print_rows(self, *results: Any) -> None:
-        """Print the rows of results, unless stdout is for JSON; of several, with class names.
-
-        Warnings that an earlier result has are not repeated.
-        """
+        """Print rows of results, with class names if several; earlier warnings are not repeated."""
         seen = set[str]()
         for result in results if self.prints else ():
             lines = repr(result).splitlines()[len(results) == 1 :]

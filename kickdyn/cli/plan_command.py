@@ -355,7 +355,6 @@ def plan(
 def _carry_out(
     planned: KickPlan, output: PlanOutputOptions
 ) -> "tuple[KickPlan, MujocoRun, NoisyRuns | None]":
-    """Return a plan, corrected if that is wanted, its run in MuJoCo, and runs with noise."""
     from kickdyn.simulators.repeated_runs import refine_kick, run_with_noise
     from kickdyn.simulators.run_in_mujoco import run_in_mujoco
 
@@ -372,7 +371,6 @@ def _carry_out(
 
 
 def _scenery(report: PlanReport) -> list[Any]:
-    """Return the boxes of the wall and the goal of a plan."""
     from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes  # imports meshcat
 
     plan = report.plan

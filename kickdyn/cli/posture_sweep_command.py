@@ -201,7 +201,6 @@ def posture_sweep(
 
 
 def _save_page(file: str, kick: Kick, lines: Iterable[ReportLine]) -> str | None:
-    """Write a page with a button for each line that has an impact; return its name, if any has."""
     from kickdyn.view.page import page, page_of_pages  # imports meshcat
 
     pages = {

@@ -201,7 +201,6 @@ def kick_library(
 
 
 def _numbers(name: str, text: str, counts: tuple[int, ...], form: str) -> list[float]:
-    """Return the numbers between commas, of which there must be one of some counts."""
     values = list[float]()
     with suppress(ValueError):
         values = [float(word) for word in text.split(",")]
@@ -211,7 +210,6 @@ def _numbers(name: str, text: str, counts: tuple[int, ...], form: str) -> list[f
 
 
 def _kick(library: KickLibrary, text: str) -> LibraryKick:
-    """Return the kick at `SPEED,ELEVATION[,X,Y]`."""
     form = "SPEED,ELEVATION or SPEED,ELEVATION,X,Y"
     speed, elevation, *place = _numbers("--kick", text, (2, 4), form)
     point = 0.5 * (library.reader.lower + library.reader.upper)

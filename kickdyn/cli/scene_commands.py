@@ -223,10 +223,7 @@ def _measure_scene(scene: str, output: PlotOptions) -> None:
 
 @styled()
 def effect_figure(title: str, sizes: Sequence[EffectSize], tolerance: float = 0.05) -> Any:
-    """Return the displacement of the end by neglecting each effect, as logarithmic bars.
-
-    A line is drawn at the tolerance [m]: half of it is there for all neglected effects.
-    """
+    """Return how far neglecting each effect moves the end, as bars beside a tolerance [m]."""
     from matplotlib.figure import Figure  # takes half a second
 
     figure = Figure(figsize=(8.0, 1.6 + 0.32 * len(sizes)))

@@ -268,7 +268,6 @@ class BodyTrack(ReprMixin):
         return cls(table[:, 0], angles=angles)._warned(warnings)
 
     def _warned(self, warnings: Sequence[str]) -> "BodyTrack":
-        """Return the track, just read, with warnings."""
         vars(self).update(warnings=tuple(warnings))
         return self
 

@@ -184,7 +184,6 @@ def fit_motion(
 def _from_angles(
     track: BodyTrack, leg: Leg, angles: Mapping[str, str], contact: Moment | None
 ) -> LegMotion:
-    """Return the motion of a leg whose joint angles are measured."""
     model, names = leg.workspace.model, leg.single_joints
     notes: tuple[str, ...] = ()
     tracked = [name for name in PELVIS if name in track.angles]
@@ -369,10 +368,7 @@ def check_side(leg: Leg, places: Mapping[str, Marker]) -> None:
 
 
 def check_order(leg: Leg, places: Mapping[str, Marker], measured: Array) -> list[str]:
-    """Return lines about segments whose markers another order fits better.
-
-    Raises `InvalidInput` if it is much better. A pelvis that stands on its head does not fit.
-    """
+    """Return lines about segments whose markers another order fits better; raise if far better."""
     model, names = leg.workspace.model, list(places)
     joints = [model.frames[frame].parentJoint for frame, _ in places.values()]
     points = np.array([model.frames[frame].placement.act(p) for frame, p in places.values()])

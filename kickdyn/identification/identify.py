@@ -140,10 +140,7 @@ def identify(
 
 
 class _Problem(NamedTuple):
-    """A measured track and its unknowns, in world axes.
-
-    They are position, velocity and, if sought, spin at the first sample, then those of the air.
-    """
+    """A measured track and its unknowns in world axes: position, velocity, spin if sought, air."""
 
     track: Track
     ball: Ball
@@ -263,7 +260,6 @@ def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
 
 
 def _check_flight(track: Track) -> None:
-    """Raise `InvalidInput` unless a track may be a flight, in metres."""
     check_samples(track)
     if not np.ptp(track.positions, axis=0).any():
         raise InvalidInput(
@@ -313,7 +309,6 @@ def _with_noise_by_axis(problem: _Problem, estimate: _Estimate) -> _Problem:
 
 
 def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
-    """Return the estimate by least squares, without outliers, from a first guess."""
     residuals, jacobian = problem.evaluate(COARSEST_TOL, unknowns)
     used, tol = np.zeros(residuals.size, dtype=bool), COARSEST_TOL
     length = problem.length

@@ -264,7 +264,6 @@ def infer_impact(
 def _infer_from_motion(
     motion: LegMotion, track: object, ball: Ball, contact: float | Sequence[float] | None
 ) -> InferredImpact:
-    """Return the impact of a motion and the track of a ball."""
     validation.check_type(Track, v=track)
     assert isinstance(track, Track)
     _check_ball(ball)

@@ -304,7 +304,6 @@ class Learner(ReprMixin):
         return replace(self._model, drag=drag, wind=np.array([theta[1], theta[2], upwards]))
 
     def _plan(self) -> None:
-        """Plan the next flight by the estimates, and the command that produces it."""
         air, theta = self._air(self._theta), self._theta
         self.launch = plan_launch(self.goal, self.ball, air)
         wanted, spin = self.launch.velocity, self.launch.spin
@@ -378,7 +377,6 @@ class Learner(ReprMixin):
         return np.array([*flight.position(flight.end)[:2], flight.end]), slopes
 
     def _estimate(self) -> None:
-        """Find the most probable unknowns given all shots, and their covariance."""
         count = 3 * len(self.shots)
         spread = np.concatenate([self._prior, np.full(count, self._scatter)])
         middle = np.concatenate([self._theta0, np.zeros(count)])
@@ -412,7 +410,6 @@ class Learner(ReprMixin):
             self._last_landing = landing[:2]
 
     def _residuals(self, theta: Array, error: Array, shot: Shot) -> tuple[Array, Array]:
-        """Return the residuals of a shot, in standard deviations, and the derivatives."""
         if shot.track is not None:
             times = shot.track.times
             flight = self._fly(theta, error, shot.command, float(times[-1]))

@@ -297,7 +297,6 @@ class LegMotion(ReprMixin):
         return ~np.isin(self.frames, self.undetermined)
 
     def _few_frames(self, moment: float, count: int, longest: float) -> str:
-        """Return the message about a contact without enough frames before it."""
         begin, end = self.times[self._complete][[0, -1]].tolist()
         gaps = [f"{name!r} in frame {frames[-1]}" for name, frames in self.gaps.items()]
         unseen = ", ".join(gaps[:3]) + (f", {len(gaps) - 3} others" if len(gaps) > 3 else "")
@@ -378,7 +377,6 @@ class LegMotion(ReprMixin):
         return (*lines, *self._unseen_at_contact(), *self._outside_ranges(), *self._tilted())
 
     def _tilted(self) -> Iterable[str]:
-        """Return a line about a pelvis that is not upright."""
         if not has_floating_base(self.leg.workspace.model):
             return
         poses = [pin.XYZQUATToSE3(q[:7]) for q in self.configurations]
@@ -392,7 +390,6 @@ class LegMotion(ReprMixin):
             )
 
     def _unseen_at_contact(self) -> Iterable[str]:
-        """Return a line about markers that are not seen just before the contact."""
         if self.contact is None or self.times[0] >= self.contact.time:
             return
         last = int(self.frames[np.searchsorted(self.times, self.contact.time) - 1])
@@ -409,7 +406,6 @@ class LegMotion(ReprMixin):
             )
 
     def _outside_ranges(self) -> Iterable[str]:
-        """Return a line for each joint that is outside its range in most frames."""
         model = self.leg.workspace.model
         for name in self.leg.single_joints:
             values = self.configurations[:, model.idx_qs[model.getJointId(name)]]

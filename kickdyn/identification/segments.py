@@ -245,10 +245,7 @@ class _Samples(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """Samples `first` to `last - 1`, and polynomials in the time from `middle`, `(k, 3)`.
-
-    The cost is the sum of squared residuals over the squared noise.
-    """
+    """Samples `first` to `last - 1`, polynomials in time from `middle`, `(k, 3)`, and the cost."""
 
     first: int
     last: int
@@ -355,7 +352,6 @@ def _fitted(samples: _Samples, first: int, last: int, degree: int) -> _Piece:
 
 
 def _partition(samples: _Samples, start: int, stop: int) -> list[tuple[int, int]]:
-    """Return the best partition of samples start to stop - 1 into cubics."""
     count, price = stop - start, 12 * math.log(samples.positions.size)
     best = np.full(count + 1, math.inf)  # cost of the samples before
     best[0] = 0.0
@@ -393,8 +389,7 @@ def _cubic_costs(times: Array, points: Array) -> Array:
 def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
     """Return pieces; neighbours are joined if a quintic follows both as well.
 
-    A short piece is divided between its neighbours if two quintics do as well, because a touch that
-    the tracker smooths over is cut twice.
+    A short piece, of a touch that trackers smooth, is divided if two quintics do as well.
     """
     pieces = [_fitted(samples, first, last, 3) for first, last in cuts]
     price = 6 * math.log(samples.positions.size)
@@ -551,7 +546,6 @@ def _at_bounces(
 def _rolling_deceleration(
     samples: _Samples, segments: Iterable[Segment], ball: Ball, air: Air
 ) -> Measured | None:
-    """Return the deceleration of rolling balls without the part by drag [m/s2], or None."""
     decelerations: list[tuple[float, float]] = []
     drag = acceleration_function(ball, air)
     heavier = 1.0 + ball.inertia / (ball.mass * ball.radius**2)
@@ -573,10 +567,7 @@ def _rolling_deceleration(
 
 
 def _median(measurements: Sequence[tuple[float, float]]) -> Measured | None:
-    """Return the median of values, each with its deviation; None without any values.
-
-    The spread is estimated from the values, but not below the median of the deviations.
-    """
+    """Return the median of values with deviations, which bound its own from below, or None."""
     if not measurements:
         return None
     values, deviations = np.array(measurements).T

@@ -521,10 +521,7 @@ def _finite_rows(name: str, value: ArrayLike) -> Array:
 
 
 def refuse_units(track: Track, falling: float) -> None:
-    """Raise `InvalidInput` for a ball that moves as in other units than metres and seconds.
-
-    `falling` is its acceleration downwards, by the positions [their unit per s2].
-    """
+    """Raise `InvalidInput` for units other than m and s, by a ball that falls this fast."""
     units = [
         f"{unit} ({size:g} per metre)"
         for unit, size, low, high in OTHER_UNITS

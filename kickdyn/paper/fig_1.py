@@ -105,7 +105,6 @@ def self_motion(leg: Leg, q: ArrayLike) -> list[Posture]:
 
 
 def _null(posture: Posture) -> Array:
-    """Return the unit vector of joint velocities that do not move the contact point."""
     return np.asarray(np.linalg.svd(posture.jacobian)[2][-1])
 
 
@@ -124,7 +123,6 @@ def _follow(start: Posture, direction: Array) -> list[Posture]:
 
 
 def _corrected(leg: Leg, q: Array, point: Array) -> Posture | None:
-    """Bring the contact point back by Gauss-Newton; None if it cannot be."""
     for _ in range(20):
         posture = leg.posture(q)
         astray = point - posture.contact_point

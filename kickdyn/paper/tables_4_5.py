@@ -70,13 +70,7 @@ NORMALS = np.array([direction(row.contact_deg) for row in (LOW, MIDDLE, HIGH)])
 
 
 class Fit(NamedTuple):
-    """What the rows of 30 and 50 deg determine.
-
-    Attributes:
-        posture: of all that fit, the one with the smallest gain.
-        gain: its (1 + e) s, at most `PASSIVE_LIMIT` in a passive impact.
-        middle: least and largest distance at 40 deg of all postures that fit [m].
-    """
+    """Posture of least gain (1 + e) s of all that fit, its gain, and distances at 40 deg [m]."""
 
     posture: Posture
     gain: float

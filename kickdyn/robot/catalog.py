@@ -84,8 +84,7 @@ class Robot:
 def normal_cone(direction: float, low: float, high: float) -> Array:
     """Return rows a of the cone of normals n, a n >= 0, that meet a ball, shape `(4, 3)`.
 
-    They are up to `SIDE` to either side of a direction [rad, to the left of x], and rise by an
-    angle from `low` to `high` [rad].
+    Normals are up to `SIDE` to either side of a direction, and rise from `low` to `high` [rad].
     """
     rows = np.array([
         (np.sin(SIDE), np.cos(SIDE), 0.0),

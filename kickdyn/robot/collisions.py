@@ -41,10 +41,7 @@ THICKNESS = 1e-3
 
 
 class CollisionBody(NamedTuple):
-    """A convex shape of coal, with its `pin.SE3` in the frame of a name.
-
-    Its origin is in its middle; `reach` is its largest distance from there [m].
-    """
+    """A convex shape of coal, its `pin.SE3` in a named frame, and its reach from its middle [m]."""
 
     frame: str
     shape: Any
@@ -53,13 +50,7 @@ class CollisionBody(NamedTuple):
 
 
 class Proximity(NamedTuple):
-    """How a body is placed beside a ball or another body.
-
-    Attributes:
-        depth: of the body in the other [m]; below 0 is the distance.
-        point: of the body, nearest to the other or deepest in it, `(3,)` [m, world frame].
-        normal: from there into the other, shape `(3,)` [world frame].
-    """
+    """Depth of a body in another [m], its point there, and the normal into the other, `(3,)`."""
 
     depth: float
     point: Array
@@ -301,8 +292,8 @@ def _includes(bodies: Sequence[CollisionBody], point: Array) -> bool:
 def disabled_pairs(leg: Leg) -> set[frozenset[str]]:
     """Return the pairs of links that the SRDF of a leg's file disables; none without one.
 
-    It lies beside the file or in the folder `srdf` beside its folder, under the name of the file or
-    of the robot. Raises `FaultyFile` if it is not XML.
+    It lies beside the file or in a folder `srdf` beside its folder, named as the file or the
+    robot.
     """
     if leg.file is None:
         return set()
@@ -329,14 +320,7 @@ class FootKind(StrEnum):
 
 
 class StrikingShape(NamedTuple):
-    """A convex shape of the foot, all in the axes of the joint that carries the contact frame.
-
-    Attributes:
-        body: the shape of coal.
-        visual: of the file.
-        pose: of the visual, shape `(4, 4)`.
-        spheres: whose hull it is.
-    """
+    """A shape, the file's visual, its pose `(4, 4)` and spheres, in axes of the contact joint."""
 
     body: CollisionBody
     visual: Visual
@@ -345,10 +329,7 @@ class StrikingShape(NamedTuple):
 
 
 def contact_in_joint(posture: Posture, normal: Array) -> tuple[Array, Array]:
-    """Return a posture's contact point [m] and a normal in the contact joint's axes, `(3,)` each.
-
-    The normal is given in world axes.
-    """
+    """Return a contact point [m] and a normal, given in world axes, in the contact joint's axes."""
     return posture.contact_lever, posture.rotation_world_joint.T @ normal
 
 
@@ -357,8 +338,7 @@ def striking_shapes(
 ) -> tuple[list[StrikingShape], list[str]]:
     """Return the shapes of a foot that strike a ball, and a line for each doubt about them.
 
-    `point` and `normal` of the planned contact are those of `contact_in_joint`; `radius` is the
-    ball's [m].
+    The planned contact is from `contact_in_joint`; `radius` is the ball's [m].
     """
     file = robot.file
     if file is None:

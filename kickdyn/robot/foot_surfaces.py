@@ -168,10 +168,7 @@ def _size(hull: ConvexHull, normal: Array) -> Array:
 
 
 def load_with_surface(frame: str | None, load: Callable[[str | None], Leg]) -> Leg:
-    """Return the leg that `load` returns for FRAME, FRAME:SURFACE or FRAME:X,Y,Z:NX,NY,NZ.
-
-    Names of frames may contain colons; the longest one that exists counts.
-    """
+    """Return what `load` returns for the longest frame in FRAME[:SURFACE|:X,Y,Z:NX,NY,NZ]."""
     names = list(accumulate((frame or "").split(":"), "{}:{}".format))
     faults = []
     for name in names:

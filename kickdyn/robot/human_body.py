@@ -359,7 +359,6 @@ def _set_size(root: Element, sized: Mapping[str, BodySegment], height: float) ->
 
 
 def _inertial(segment: BodySegment) -> Element:
-    """Return the element with mass [kg], centre [m] and inertia tensor [kg m2] of a segment."""
     inertial = Element("inertial")
     SubElement(inertial, "origin", xyz=_text(segment.centre))
     SubElement(inertial, "mass", value=repr(float(segment.mass)))
@@ -411,7 +410,6 @@ def _add_joint(
 
 
 def _find(element: Element, path: str) -> Element:
-    """Return an element of the template, which has it."""
     return next(element.iterfind(path))
 
 

@@ -219,10 +219,7 @@ class _Builder:
             )
 
     def _add_constraints(self) -> None:
-        """Add a loop for each `<connect>` of two bodies, and a mimic for each joint that follows.
-
-        Raises `InvalidInput` for others that have an effect on a joint that is not locked.
-        """
+        """Add loops and mimics; raise `InvalidInput` for others on joints that are not locked."""
         import mujoco
 
         compiled = self.compiled
@@ -284,10 +281,7 @@ def _pose(position: Array, rotation: Array) -> Any:
 
 
 def effort_limits(compiled: Any) -> Array:
-    """Return the largest torque or force at every joint, shape `(njnt,)` [N m or N], or inf.
-
-    `Leg.from_mjcf` says which; a range with unequal ends counts with the smaller one.
-    """
+    """Return the largest torque of each joint, `(njnt,)` [N m or N], as `Leg.from_mjcf` says."""
     reach, driven = np.zeros(compiled.njnt), np.zeros(compiled.njnt, dtype=bool)
     for number in range(compiled.nu):
         if compiled.actuator_trntype[number] not in ACTUATED_JOINTS:

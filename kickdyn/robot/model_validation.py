@@ -52,10 +52,7 @@ def frame_id(model: Any, name: str) -> int:
 
 
 def frames_by_name(model: Any) -> dict[str, int]:
-    """Return the numbers of all frames but the universe.
-
-    Of several frames with one name, it is a body's, else any but a joint's, and the first of these.
-    """
+    """Return the numbers of frames; of one name, a body's, else of no joint, else the first."""
     ranks = {pin.FrameType.BODY: 2, pin.FrameType.JOINT: 0}
     numbered = list(enumerate(model.frames))[:0:-1]  # the first frame of a name replaces the others
     numbered.sort(key=lambda pair: ranks.get(pair[1].type, 1))
@@ -220,10 +217,7 @@ def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
 
 
 def find_singular_joints(model: Any, inertia: Array) -> list[str]:
-    """Return the joints with a share in the null vectors of an inertia, or in the nearest to one.
-
-    If entries are not finite, they are the joints with such an entry.
-    """
+    """Return joints with a share in the null vectors of an inertia, or with infinite entries."""
     singular: NDArray[np.bool_] = np.logical_not(np.isfinite(inertia).all(axis=1))
     if not singular.any():
         singular = _nearly_null(inertia)
@@ -246,10 +240,7 @@ def _nearly_null(inertia: Array) -> NDArray[np.bool_]:
 
 
 def facing_doubts(model: Any, contact_joint: int) -> tuple[str, ...]:
-    """Return a line if the feet of a robot are apart along x, so that it does not face x.
-
-    While all joints are at 0, the other foot is the end of a limb, at the height of the first one.
-    """
+    """Return a line if another foot, a limb's end as high at q = 0, is apart from this along x."""
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     places = np.array([placement.translation for placement in data.oMi])

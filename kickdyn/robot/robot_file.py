@@ -98,16 +98,12 @@ def list_folders(package_dirs: Iterable[str | os.PathLike[str]]) -> tuple[Path, 
 
 
 class PackageFiles:
-    """Finds files by the names that a robot's file has for them.
+    """Finds files by the names that a robot's file, in a folder, has for them.
 
-    A name is a path relative to the robot's file, else to one of `package_dirs`; an absolute one,
-    with `file://` or without; or `package://NAME/...`, also written `model://NAME/...`. A package
-    is looked up in `package_dirs`, then among the folders that contain the robot's file, then in
-    the folders of ROS.
-
-    Args:
-        folder: of the robot's file.
-        package_dirs: packages, or folders that contain packages.
+    A name is a path relative to the folder, else to one of `package_dirs`, which are packages
+    or contain them; an absolute one, with `file://` or without; or `package://NAME/...`, also
+    written `model://NAME/...`. A package is looked up in `package_dirs`, then among the folders
+    that contain the robot's file, then in the folders of ROS.
     """
 
     def __init__(self, folder: Path, package_dirs: Iterable[Path] = ()) -> None:
@@ -338,10 +334,7 @@ class Triangles:
 
 
 def read_mesh(files: PackageFiles, filename: str, scale: ArrayLike = 1.0) -> list[Triangles]:
-    """Return the surfaces of a mesh that a robot's file names, scaled by a number or by three.
-
-    Raises `InvalidInput` if the mesh is not found, is too large, or cannot be read.
-    """
+    """Return the surfaces of a mesh, scaled by one number or three, or raise `InvalidInput`."""
     import trimesh  # takes half a second; most legs have no mesh
 
     content, ending = files.read_mesh(filename), PurePath(filename).suffix.lower()

@@ -113,11 +113,7 @@ def read_urdf(
     package_dirs: Iterable[str | PathLike[str]] = (),
     locked: Iterable[str] = (),
 ) -> UrdfFile:
-    """Read and check a URDF file, whose meshes may be in further folders.
-
-    Joints that a locked joint mimics are not checked. Raises `UrdfError` with all faults of
-    `find_faults`, or `InvalidInput` if `path` is no path or there is no such folder.
-    """
+    """Read and check a URDF file, or raise `UrdfError` with all faults of `find_faults`."""
     file, source = robot_path("URDF", path), str(path)
     root, folders = read_xml(file, source, UrdfError), list_folders(package_dirs)
     if faults := find_faults(root, locked):
@@ -166,10 +162,7 @@ def _remove_limits(root: Element) -> list[str]:
 
 
 def build_model(text: str, source: str, base: str) -> Any:
-    """Return the `pin.Model` of the text of a URDF, on a base `fixed` or `floating`.
-
-    Raises `UrdfError` if Pinocchio refuses it or complains, or if no joint moves.
-    """
+    """Return the `pin.Model` of a URDF's text, or raise `UrdfError`, also if no joint moves."""
     check_base(base)
     joints = {joint.get("name") for joint in ElementTree.fromstring(text).iter("joint")}
     names = ("root_joint", *(f"root_joint{k}" for k in range(2, len(joints) + 3)))
@@ -238,10 +231,7 @@ def _captured_stderr() -> Iterator[list[str]]:
 
 
 def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
-    """Return one line per fault of the robot under `root`; none if Pinocchio may read it.
-
-    The joints that a locked joint mimics are not checked; `locked` has names or patterns.
-    """
+    """Return a line per fault of a robot; joints that `locked` ones mimic are not checked."""
     if root.tag == "mujoco":
         return ["is an MJCF, its root is <mujoco>: Leg.from_mjcf reads it"]
     if root.tag != "robot":

@@ -60,12 +60,7 @@ UNKNOWN = LaunchError(math.inf, math.inf, math.inf)
 
 
 class EndSlopes(NamedTuple):
-    """Derivatives of the position of the end by the launch.
-
-    Attributes:
-        velocity: by the velocity of the launch, shape `(3, 3)` [s]; inf where it is not known.
-        spin: by its spin, shape `(3, 3)` [m s]; likewise.
-    """
+    """Derivatives of the end by velocity [s] and spin [m s] of the launch, `(3, 3)`, or inf."""
 
     velocity: Array
     spin: Array
@@ -84,10 +79,7 @@ class EndSlopes(NamedTuple):
 
 
 def strike_scene(scene: Scene, **changes: Any) -> Impact:
-    """Return the instantaneous impact of a scene, with some arguments of `strike` changed.
-
-    A contact that takes time is struck by the law `newton`.
-    """
+    """Return the instantaneous impact of a scene, by `newton` if its contact takes time."""
     law = "newton" if scene.is_compliant else scene.law
     return strike(**{**scene.impact_arguments, "law": law, **changes})
 

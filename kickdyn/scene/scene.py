@@ -125,10 +125,9 @@ def check_before(wall: Wall, distance: float) -> None:
 def passage_on(
     path: Flight | Course, wall: Wall, ahead: Array, radius: float, start_height: float = 0.0
 ) -> Passage | None:
-    """Return the passage of a ball by a wall on its path; None if the path ends before the wall.
+    """Return how a ball passes a wall, or None if its path ends before it.
 
-    `ahead` is the horizontal unit vector from the start to the target, shape `(3,)`, `start_height`
-    the height of the ball's lower edge above the ground at the start [m].
+    `ahead` is horizontal, to the target; the ball's lower edge starts at `start_height` [m].
     """
     start = path.launch.position
 

@@ -40,10 +40,7 @@ from kickdyn.scene.scene import Passage, Scene, Score, passage_on, score_at
 
 @dataclass(frozen=True)
 class Effect:
-    """A physical effect; `without` returns the scene without it, given the launch.
-
-    With `in_flight` it changes the flight only, not the launch.
-    """
+    """An effect; `without` neglects it, given the launch, which those `in_flight` do not change."""
 
     name: str
     is_in: Callable[[Scene], bool]
@@ -451,10 +448,10 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
 
 
 def simulate_as_instant(scene: Scene) -> Simulation:
-    """Model everything a scene names, except for the time that its contact takes.
+    """Return a scene with an instantaneous contact, simulated exactly.
 
-    Only an instantaneous impact has joint impulses. `model_error` is then the measured distance to
-    the end with the contact time; inf if that cannot be computed.
+    Only such an impact has joint impulses. `model_error` is the measured distance to the end
+    with the contact time; inf if that cannot be computed.
     """
     if not scene.is_compliant:
         return simulate(scene, None)

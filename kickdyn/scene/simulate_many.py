@@ -159,10 +159,7 @@ class _Draws:
         return q, v, contact, velocity, incoming.spin + changes.get("ball_spin", still)
 
     def launches(self, values: Array, tol: float | None = None) -> tuple[Array, NDArray[np.int8]]:
-        """Return position, velocity and spin of the balls after strikes, `(n, 9)`, and status.
-
-        With a relative tolerance they are those after collisions.
-        """
+        """Return `(n, 9)`, balls after strikes, or after collisions to a tolerance, and status."""
         scene, (q, v, contact, velocity, spin) = self.scene, self.arguments(values)
         if tol is None and (scene.is_compliant or scene.law == "newton"):
             impacts = Strikes(scene.leg, [scene.ball], contact, velocity, spin).compute(q, v)

@@ -136,7 +136,6 @@ def _hint(word: object, known: Iterable[str]) -> str:
 
 
 def _scene(sections: dict[str, Any], folder: Path, stem: str) -> Scene:
-    """Return the scene of the results of the tables' constructors; `stem` is its default name."""
     leg_table, posture_table = sections.pop("leg"), sections.pop("posture")
     contact, law = sections.pop("contact")
     ball, incoming = sections.pop("ball", (Ball(), BallState()))

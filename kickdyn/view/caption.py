@@ -48,11 +48,7 @@ def html_rows(rows: Iterable[tuple[str, object, str]]) -> list[Row]:
 def panel_of(
     title: str, rows: Sequence[Row], text: str = "", end: str = "", warnings: Sequence[str] = ()
 ) -> str:
-    """Return a panel of HTML: a title, the first sentence of a text, a table, and the rest.
-
-    The rest is warnings, the other sentences, folded if they are long, and `end`, which is HTML;
-    texts are plain.
-    """
+    """Return a panel: title, a sentence of the text, table, warnings, more text, HTML `end`."""
     lead, stop, further = text.partition(". ")
     head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{escape(lead + stop)}</p>\n" if text else "")
     lines = "".join(f'<p class="warning">{escape(warning)}</p>\n' for warning in warnings)
@@ -155,14 +151,7 @@ def draw_flights(
     title: str,
     measured: Mapping[str, Array],
 ) -> str:
-    """Draw the curves of up to 8 flights over one lawn, and return their legend as HTML.
-
-    Measured positions, shape `(n, 3)`, are drawn as dots beside the flight they belong to by
-    name.
-
-    Raises:
-        InvalidInput: no flight, or too many.
-    """
+    """Draw flights over one lawn, and dots of measured positions by name; return their legend."""
     if not 0 < len(paths) <= MOST_FLIGHTS:
         raise InvalidInput(f"there are {len(paths)} flights: one page compares 1 to {MOST_FLIGHTS}")
     curves = [curve_of(path) for path in paths.values()]
@@ -201,7 +190,6 @@ def draw_flights(
 
 
 def _length(path: BallPath) -> str:
-    """Return distance, height and time of a ball's path, as text."""
     if isinstance(path, Course):
         return f"{path.distance:.4g} m along the ground, {path.duration:.3g} s"
     return f"{path.range:.3g} m, rises {path.height:.3g} m, {path.duration:.3g} s"

@@ -109,10 +109,7 @@ def draw_label(
 
 
 class SceneParts(NamedTuple):
-    """Scenes as a page has them: `numbers` of the packed commands, each once, and HTML.
-
-    `scenes` has of each the numbers of its commands in order, and `times` of its animation.
-    """
+    """HTML, numbers of packed commands, and of each scene those of its commands and its times."""
 
     numbers: dict[bytes, int]
     scenes: list[dict[str, Any]]
@@ -127,10 +124,7 @@ def scene_parts(
     known: Mapping[bytes, int] = MappingProxyType({}),
     first_number: int = 0,
 ) -> SceneParts:
-    """Return the parts of a page of scenes, and a button with a plain name for each of several.
-
-    Commands without a `known` number get numbers from `first_number` on.
-    """
+    """Return the parts of a page of scenes; commands without a `known` number get further ones."""
     numbers: dict[bytes, int] = {}
     next_number = count(first_number)
     recordings, labels, panels = [], [], []
@@ -158,10 +152,7 @@ def scene_parts(
 def html_document(
     title: str, scenes: Sequence[DrawnScene], names: Sequence[str] = (), *, is_live: bool = False
 ) -> str:
-    """Return a page that shows the first of some scenes, among which buttons with names choose.
-
-    If it is live, it takes scenes from the server that it comes from (`View`).
-    """
+    """Return a page of scenes that buttons choose; a live one gets them from its server."""
     parts = scene_parts(scenes, names)
     values = {
         "title": escape(title),
@@ -200,12 +191,7 @@ def find_browser() -> str:
 
 
 def save_picture(html: str, path: FileName, time: float = 0.0) -> None:
-    """Write a page as a PNG, at a time from the impact [s].
-
-    Raises:
-        InvalidInput: there is no Chromium, or the file cannot be written.
-        KickdynError: Chromium failed.
-    """
+    """Write a page as a PNG, at a time from the impact [s]; raise where Chromium cannot."""
     browser = find_browser()
     with replacing(path) as draft, tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"

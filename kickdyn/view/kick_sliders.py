@@ -104,7 +104,6 @@ class KickSliders:
         self._box: Any = ipywidgets.VBox([rows, self._note, frame])
 
     def _kick(self) -> tuple[Impact, Flight]:
-        """Return the kick of the sliders."""
         values = {name: float(slider.value) for name, slider in self.sliders.items()}
         angles = {name: math.radians(values[name]) for name in self._joints}
         posture = self._leg.posture(self._leg.configuration(angles))
@@ -119,7 +118,6 @@ class KickSliders:
         return impact, fly(impact.ball_after, self._ball, self._air)
 
     def _move(self, change: object = None) -> None:
-        """Show the kick of the sliders, or say why there is none."""
         try:
             self.impact, self.path = self._kick()
         except KickdynError as error:
@@ -130,6 +128,5 @@ class KickSliders:
         self._note.value = self.message
 
     def _repr_mimebundle_(self, **kwargs: Any) -> Any:
-        """Return the widget, as Jupyter asks for it."""
         bundle: Callable[..., Any] = self._box._repr_mimebundle_
         return bundle(**kwargs)

@@ -46,16 +46,11 @@ class Camera(NamedTuple):
 
 
 def camera_for(near: Array, far: Array, forward: Array, *, behind: bool = False) -> Camera:
-    """Return the camera that sees all points and keeps leg and ball recognisable.
+    """Return the camera that sees all points, and recognisable near ones, of leg and ball.
 
-    A kick of some metres is seen from the right side. The longer the flight, the further the
-    camera moves behind the leg, where perspective shortens it.
-
-    Args:
-        near: points of leg and ball, shape `(n, 3)` [m, world frame].
-        far: points of the flight and of all else that is drawn, likewise.
-        forward: horizontal unit vector of the flight, shape `(3,)`.
-        behind: whether to look along the flight in any case, at a wall or goal across it.
+    A kick of some metres is seen from the right side; the longer the flight, the further the
+    camera moves behind the leg, where perspective shortens it. With `behind` it looks along the
+    flight in any case, at a wall or goal.
     """
     floor = near[:, 2].min()
     points = np.vstack([near, far])
@@ -81,8 +76,7 @@ def camera_for(near: Array, far: Array, forward: Array, *, behind: bool = False)
 def set_stage(viewer: Any, camera: Camera, points: Array) -> None:
     """Set sky, camera, and light that casts the shadows of points, shape `(n, 3)` [m].
 
-    The script of the page keeps the camera above the ground. meshcat's camera turns about the
-    origin only, so the scene is moved instead of its target.
+    meshcat's camera turns about the origin only, so the scene moves instead of its target.
     """
     for name in ("/Grid", "/Axes"):
         viewer[name].set_property("visible", False)
@@ -171,10 +165,7 @@ def level_pose(origin: Array, forward: Array) -> Array:
 
 
 def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach: float) -> None:
-    """Draw a level lawn around `centre`, mown in stripes across the unit vector `forward`.
-
-    The stripes are `stripe` wide and fade out at the distance `reach` [m].
-    """
+    """Draw a lawn around a centre with stripes across `forward`, which fade out at `reach` [m]."""
     count = math.ceil(reach / stripe)
     edges = stripe * np.arange(-count, count + 1)
     end, far = edges[-1], 100 * edges[-1]
@@ -209,12 +200,7 @@ COPLANAR_OFFSET = {"polygonOffset": True, "polygonOffsetFactor": -1.0, "polygonO
 
 
 def draw_distances(viewer: Any, start: Array, forward: Array, step: float, length: float) -> None:
-    """Write the distance at every stripe of the lawn, from the point `start` on the ground [m].
-
-    The stripes are `step` wide, across the unit vector `forward`, and the last distance is at the
-    edge nearest to `length` [m]. The page writes the first and the last distance first, the others
-    where there is space.
-    """
+    """Write the distance at each stripe across `forward` up to `length` [m], ends first."""
     count = max(1, math.ceil(length / step - 0.05))
     for k in (0, count, *range(1, count)):
         text = f"{round(k * step, 9):g} m"
@@ -232,11 +218,7 @@ def draw_axes(viewer: Any, origin: Array, length: float) -> None:
 
 
 def draw_curve(viewer: Any, points: Array, radii: Array, side: Array, colour: int = CURVE) -> None:
-    """Draw a tube through points `(n, 3)` with radii `(n,)` [m], over everything else.
-
-    A line would be one pixel thin in WebGL. The unit vector `side` is roughly at right angles
-    to the curve.
-    """
+    """Draw a tube, as lines are thin in WebGL, through points `(n, 3)` [m]; `side` is across it."""
     moves = np.linalg.norm(np.diff(points, axis=0), axis=1)
     distinct = np.concatenate([[True], moves > 1e-9 * np.abs(points).max()])
     points, radii = points[distinct], radii[distinct]
@@ -299,10 +281,7 @@ def draw_ball(viewer: Any, radius: float, position: Array) -> None:
 
 @cache
 def _panels() -> dict[str, tuple[Array, Array]]:
-    """Return vertices and faces of the dark panels and of the others, on the unit sphere.
-
-    The dark ones are round the twelve corners of an icosahedron, as on a football.
-    """
+    """Return vertices and faces of a ball's panels, the dark ones at corners of an icosahedron."""
     sphere = trimesh.creation.icosphere(subdivisions=4)
     corners = trimesh.creation.icosahedron().vertices
     dark = (sphere.triangles_center @ corners.T).max(axis=1) > math.cos(PANEL_ANGLE)

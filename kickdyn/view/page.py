@@ -196,10 +196,7 @@ def _page_of_leg(subject: _LegAlone, caption: str) -> Page:
 
 
 class _Kick(NamedTuple):
-    """What a page shows of a kick; `lies` says whether the ball cannot be on a tee.
-
-    `rows` are further ones of its result.
-    """
+    """What a page shows of a kick; `lies` if its ball is on no tee; `rows` are further ones."""
 
     impact: Impact
     path: BallPath
@@ -337,10 +334,7 @@ def draw_posture(viewer: Any, posture: Posture, text: str) -> str:
 def draw_motion(
     viewer: Any, subject: Motion | RecordedMotion | MotionCheck, text: str
 ) -> tuple[str, Pace]:
-    """Draw a robot in its motion, and return its numbers as HTML and the pace.
-
-    A recorded motion is shown as fast as it was; if it is checked, with the ball of the best frame.
-    """
+    """Draw a robot in its motion, as fast as recorded; return its numbers as HTML, and the pace."""
     check = subject if isinstance(subject, MotionCheck) else None
     motion = subject.motion if isinstance(subject, MotionCheck) else subject
     is_recorded, warnings = isinstance(motion, RecordedMotion), list(motion.warnings)

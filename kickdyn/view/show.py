@@ -65,11 +65,9 @@ class Moves(NamedTuple):
 class StillKick:
     """A kick at the instant of the impact, and the moves that make another kick of the same leg.
 
-    A page is drawn anew for each kick, with its animation. A class or a tuning needs the next kick
-    within a few milliseconds: leg, ball, arrows, flight and ground move, and the rest of the scene
-    stays in the browser.
-
-    `page` has the first kick of the leg, `arrow_nodes` are nodes of the arrows that are drawn now.
+    A page takes too long to draw for each kick of a class or a tuning; leg, ball, arrows,
+    flight and ground move within milliseconds. `page` has the first kick, `arrow_nodes` are the
+    arrows drawn.
     """
 
     def __init__(self, impact: Impact, path: BallPath | None = None, caption: str = "") -> None:
@@ -105,14 +103,12 @@ class StillKick:
         return Moves(viewer.window.commands, "\n".join(viewer.window.labels), panel)
 
     def _ground(self, impact: Impact) -> Array:
-        """Return the point of the ground under the ball: as low as ball and leg come."""
         centre = impact.ball_before.position
         bottom = float(centre[2]) - impact.ball.radius
         depths = find_depths(impact.posture.leg, impact.posture.q, bottom).values()
         return np.array([*centre[:2], bottom - max(depths, default=0.0)])
 
     def _draw(self, viewer: Any, impact: Impact, path: BallPath, caption: str) -> str:
-        """Draw all that moves, and return the panel."""
         for joint, pose in enumerate(joint_poses(impact.posture.leg, impact.posture.q)):
             viewer[f"leg/{joint}"].set_transform(pose)
         viewer["ball"].set_transform(tf.translation_matrix(impact.ball_before.position))
@@ -295,7 +291,6 @@ class View:
         return f"<View at {self.url}>" if self._open else "<View, closed>"
 
     def _repr_html_(self) -> str:
-        """Return a frame with the view."""
         return (
             f'<iframe src="{self.url}" style="width: 100%; height: {FRAME_HEIGHT}px; border: 0">'
             "</iframe>"
@@ -303,7 +298,6 @@ class View:
 
 
 def _moves_message(moves: Moves) -> str:
-    """Return the message that moves the parts of a scene in a browser."""
     labels = f'<div class="labels scene" data-scene="0">\n{moves.labels}\n</div>'
     update = {
         "moves": [base64.b64encode(packed).decode() for packed in moves.commands],

@@ -5,7 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
+import meshcat.geometry as shapes
 import numpy as np
+import trimesh
 
 from kickdyn.core.representation import format_value
 from kickdyn.core.validation import Array
@@ -15,9 +17,6 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.view import marks
 from kickdyn.view.kick_scene import JOINT_ARROW, LEAST_JOINT_IMPULSE
 from kickdyn.view.leg_figure import BallPath, curve_of
-
-FOLDED_CHARACTERS = 300
-"""Number of characters from which the sentences below the table are folded."""
 
 Row = tuple[str, str]
 """What it is and its value, both HTML."""
@@ -32,10 +31,8 @@ def kick_panel(
 ) -> str:
     """Return the panel of a kick, with lines of plain text and `more` rows of a result."""
     name = impact.posture.leg.name
-    rows = [*_impact_rows(impact), *_path_rows(path)]
-    rows += html_rows(more)
-    if name:
-        rows.insert(0, ("leg", _name(name)))
+    rows = [("leg", _name(name))] if name else []
+    rows += [*_impact_rows(impact), *_path_rows(path), *html_rows(more)]
     title = f"Ball at {float(impact.ball_after.speed):.4g} m/s"
     return panel_of(title, rows, text, _joints(impact), warnings)
 
@@ -53,7 +50,7 @@ def panel_of(
     head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{escape(lead + stop)}</p>\n" if text else "")
     lines = "".join(f'<p class="warning">{escape(warning)}</p>\n' for warning in warnings)
     more = f"<p>{escape(further)}</p>\n" if further else ""
-    if len(more) > FOLDED_CHARACTERS:
+    if len(more) > 300:  # a text of more characters is folded
         more = f"<details><summary>explanation</summary>\n{more}</details>\n"
     return f"{head}{_table(rows)}\n{lines}{more}{end}"
 
@@ -173,7 +170,11 @@ def draw_flights(
         marks.draw_curve(viewer[f"curve/{number}"], curve, width, right, colour)
         if name in measured:
             places = measured[name][:: max(len(measured[name]) // MOST_DOTS, 1)]
-            marks.draw_dots(viewer[f"dots/{number}"], places, 0.0035 * size, DOT_COLOUR)
+            solid, size_of_dots = trimesh.creation.icosahedron(), 0.0035 * size
+            corners = (places[:, None] + size_of_dots * solid.vertices).reshape(-1, 3)
+            faces = 12 * np.arange(len(places))[:, None, None] + solid.faces
+            dots = shapes.TriangularMeshGeometry(corners, faces.reshape(-1, 3))
+            viewer[f"dots/{number}"].set_object(dots, marks.overlay(DOT_COLOUR))
         rows.append((f"{colour_key(colour)} {escape(name)}", _length(path)))
     marks.draw_ball(viewer["ball"], radius, start)
     stripe = marks.stripe_width(size)

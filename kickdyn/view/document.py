@@ -41,8 +41,6 @@ UP = math.tan(math.radians(FIELD_OF_VIEW / 2))
 LEFT, RIGHT = 0.76 * UP, 1.6 * UP
 """Slopes that bound the scene, in a picture of 16 by 9 with a caption at its left."""
 
-TEMPLATE = "page.html"
-"""The page, beside this file; `html_document` fills in the names between two `@`."""
 
 IDENTIFIER = re.compile(rb"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 """The random name that meshcat gives an object, geometry or material."""
@@ -171,7 +169,8 @@ def html_document(
         "spread": str(1.1 * (LEFT + RIGHT) / (2 * UP)),
         "aside": str((RIGHT - LEFT) / 2),
     }
-    return re.sub("@([a-z]+)@", lambda name: values[name[1]], _text_of("kickdyn.view", TEMPLATE))
+    page = _text_of("kickdyn.view", "page.html")  # the names between two `@` are filled in
+    return re.sub("@([a-z]+)@", lambda name: values[name[1]], page)
 
 
 @cache
@@ -230,9 +229,6 @@ Z_TO_Y: Array = np.array([[0.0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 
 TARGETS = {".position": "translation", ".quaternion": "rotation", ".scale": "scale"}
 """What meshcat's tracks move, by its name in glTF."""
 
-FLOAT = 5126
-"""Type of 32-bit floats in glTF."""
-
 
 def to_glb(recorder: Recorder) -> bytes:
     """Return the drawing of a recorder as binary glTF, with its animation.
@@ -283,7 +279,7 @@ def _animate(clips: dict[str, Any], buffers: dict[Any, bytes], tree: dict[str, A
         array = np.asarray(numbers, dtype="<f4")
         rows, key = array.reshape(len(array), -1), ("animation", len(buffers))
         tree["accessors"][key] = {
-            "bufferView": len(buffers), "componentType": FLOAT, "count": len(array),
+            "bufferView": len(buffers), "componentType": 5126, "count": len(array),  # floats
             "type": "SCALAR" if array.ndim == 1 else f"VEC{array.shape[1]}",
             "min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist(),
         }  # fmt: skip
@@ -320,12 +316,11 @@ def _mesh(lowered: dict[str, Any]) -> Any:
         case "SphereGeometry":
             mesh = trimesh.creation.uv_sphere(geometry["radius"], count=[SEGMENTS, SEGMENTS])
         case "CylinderGeometry":
-            half, top, bottom = (
-                0.5 * geometry["height"],
-                geometry["radiusTop"],
-                geometry["radiusBottom"],
+            height, top, bottom = (geometry[x] for x in ("height", "radiusTop", "radiusBottom"))
+            profile = np.array([(0.0, -0.5), (bottom, -0.5), (top, 0.5), (0.0, 0.5)]) * (
+                1.0,
+                height,
             )
-            profile = [(0.0, -half), (bottom, -half), (top, half), (0.0, half)]
             mesh = trimesh.creation.revolve(profile, sections=SEGMENTS)  # about z; three.js's is y
             mesh.apply_transform(Z_TO_Y)
         case _:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+import meshcat.geometry as shapes
 import meshcat.transformations as tf
 import numpy as np
 import pinocchio as pin
@@ -206,7 +207,10 @@ def _draw_tee(viewer: Any, impact: Impact, foot: Array, *, lies: bool) -> str:
     before, radius = impact.ball_before, impact.ball.radius
     lift = float(before.position[2]) - radius - float(foot[2])
     if lift > LEAST_TEE_HEIGHT and not lies and not before.velocity.any():
-        marks.draw_tee(viewer["tee"], foot + lift * marks.UP_AXIS, lift, radius)
+        stand = shapes.Cylinder(lift, radiusTop=0.45 * radius, radiusBottom=0.3 * radius)
+        viewer["tee"].set_object(stand, shapes.MeshLambertMaterial(color=0xF2C230))
+        middle = tf.translation_matrix(foot + lift / 2 * marks.UP_AXIS)
+        viewer["tee"].set_transform(middle @ marks.UPRIGHT)
         return f"The ball is on a tee, {lift:.2g} m above the ground."
     if lift < -LEAST_TEE_HEIGHT:
         return f"The ball is {-lift:.2g} m in the ground on which the robot stands."
@@ -254,15 +258,14 @@ def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -
     [s].
     """
     before = 1.2 if backswing is None else 3.0  # shown before the impact [s]
+    strike = math.inf if backswing is None else backswing / before
     if backswing is None:
         fastest = float(max(np.abs(impact.v_before).max(), np.abs(impact.v_after).max()))
-        swing = SWING_LENGTH / fastest if fastest > 0 else math.inf
-        same_pace = duration / (FOLLOW_TIME + FLIGHT_TIME) if duration > 0 else math.inf
-        strike = min(swing / before, same_pace)
-    else:
-        strike = backswing / before
-    if not math.isfinite(strike):
-        strike = 1.0
+        if fastest > 0.0:
+            strike = SWING_LENGTH / fastest / before
+        if duration > 0.0:
+            strike = min(strike, duration / (FOLLOW_TIME + FLIGHT_TIME))
+    strike = strike if math.isfinite(strike) else 1.0
     after = max(duration, strike * (FOLLOW_TIME + FLIGHT_TIME))
     flight = (after - strike * FOLLOW_TIME) / FLIGHT_TIME
     moments = np.arange(round((before + FOLLOW_TIME + FLIGHT_TIME) * RATE) + 1) / RATE - before

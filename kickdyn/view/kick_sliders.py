@@ -59,16 +59,14 @@ class KickSliders:
         InvalidInput: ipywidgets is not installed, or a leg with too many joints.
     """
 
+    @validation.check_arguments
     def __init__(
         self, leg: Leg | None = None, ball: Ball | None = None, air: Air | None = None
     ) -> None:
         validation.check_installed("ipywidgets", "notebooks", "sliders")
         import ipywidgets
 
-        validation.check_type(Leg, type(None), leg=leg)
-        validation.check_type(Ball, type(None), ball=ball)
-        validation.check_type(Air, type(None), air=air)
-        self._leg = Leg.human() if leg is None else leg
+        self._leg = leg or Leg.human()
         self._ball, self._air = ball or Ball(), air or Air()
         joints = self._leg.single_joints
         if not 0 < len(joints) <= MOST_SLIDERS:

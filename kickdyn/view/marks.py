@@ -136,7 +136,6 @@ def _nearest_position(points: Array) -> Array:
 
 
 CURVE, ARROW, AXIS, ARRIVAL = 0xE63946, 0x2456D6, 0x1D2733, 0x7B3FA0
-TEE = 0xF2C230
 GRASS = (0x86B56B, 0x7DAD63)
 HEXAGON, PENTAGON = 0xF7F7F2, 0x1E2A38
 SIDES = 8  # of a tube that draws a curve
@@ -185,18 +184,14 @@ def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach
         colours.reshape(-1, 3),
     )
     viewer.set_object(lawn, shapes.MeshBasicMaterial(vertexColors=True))
-    viewer["shadow"].set_object(lawn, _Shadow(color=0, opacity=0.4, **COPLANAR_OFFSET))
+    # of what lies in the plane of the ground, so that it is seen
+    offset = {"polygonOffset": True, "polygonOffsetFactor": -1.0, "polygonOffsetUnits": -4.0}
+    viewer["shadow"].set_object(lawn, _Shadow(color=0, opacity=0.4, **offset))
     viewer.set_transform(level_pose(centre, forward))
 
 
 class _Shadow(shapes.GenericMaterial):  # type: ignore[misc]
-    """three.js's material that is seen only where a shadow falls."""
-
-    _type = "ShadowMaterial"
-
-
-COPLANAR_OFFSET = {"polygonOffset": True, "polygonOffsetFactor": -1.0, "polygonOffsetUnits": -4.0}
-"""Of the material of what lies in the plane of the ground, so that it is seen."""
+    _type = "ShadowMaterial"  # of three.js, seen only where a shadow falls
 
 
 def draw_distances(viewer: Any, start: Array, forward: Array, step: float, length: float) -> None:
@@ -237,21 +232,6 @@ def draw_curve(viewer: Any, points: Array, radii: Array, side: Array, colour: in
     a, b = begin + np.arange(SIDES), begin + (np.arange(SIDES) + 1) % SIDES
     faces = np.stack([a, b, b + SIDES, a, b + SIDES, a + SIDES], axis=-1).reshape(-1, 3)
     viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), overlay(colour))
-
-
-def draw_dots(viewer: Any, points: Array, radius: float, colour: int) -> None:
-    """Draw icosahedra of a radius [m] around points, shape `(n, 3)`, over everything else."""
-    solid = trimesh.creation.icosahedron()
-    vertices = (points[:, None] + radius * solid.vertices).reshape(-1, 3)
-    faces = (12 * np.arange(len(points))[:, None, None] + solid.faces).reshape(-1, 3)
-    viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), overlay(colour))
-
-
-def draw_tee(viewer: Any, top: Array, height: float, radius: float) -> None:
-    """Draw the stand of a ball of this radius, of this height below a point `(3,)` [m]."""
-    stand = shapes.Cylinder(height, radiusTop=0.45 * radius, radiusBottom=0.3 * radius)
-    viewer.set_object(stand, shapes.MeshLambertMaterial(color=TEE))
-    viewer.set_transform(tf.translation_matrix(top - height / 2 * UP_AXIS) @ UPRIGHT)
 
 
 def draw_arrow(viewer: Any, vector: Array, colour: int) -> None:

@@ -171,11 +171,9 @@ def page(
     pace, ground = draw_kick(
         viewer, impact, kick.path, boxes, kick.motion, arrival=kick.arrival, lies=kick.lies, run=run
     )
-    text = (
-        ". ".join(filter(None, [kick.caption.removesuffix("."), ground]))
-        if ground
-        else kick.caption
-    )
+    text = kick.caption
+    if ground:
+        text = ". ".join(filter(None, [text.removesuffix("."), ground]))
     brief = [line.partition("; ")[0] for line in kick.warnings]
     warnings = list(dict.fromkeys([*viewer.window.warnings, *brief]))
     panel = kick_panel(impact, kick.path, text, warnings, kick.rows)
@@ -309,11 +307,8 @@ def _comparison(
     return Page(viewer, title, draw_flights(viewer, paths, title, measured))
 
 
-MOTION_TIME = 5.0
-"""How long a motion is shown [s]."""
-
-MOST_JOINTS = 12
-"""Number of joints up to which those at 0 are named too."""
+MOTION_TIME, MOST_JOINTS = 5.0, 12
+"""How long a motion is shown [s], and number of joints up to which those at 0 are named too."""
 
 
 def draw_posture(viewer: Any, posture: Posture, text: str) -> str:

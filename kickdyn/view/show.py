@@ -15,7 +15,7 @@ import threading
 import webbrowser
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any, NamedTuple
+from typing import Any
 
 import meshcat.geometry as shapes
 import meshcat.transformations as tf
@@ -47,19 +47,9 @@ CURVE_POINTS = 60
 ELLIPSOID = 0x8E44AD
 """Colour of the impulse ellipsoid."""
 
-LONGEST_SHARE = 1.6
-"""Length of the longest flight that the camera shows, over the first one's."""
-
-ELLIPSOID_SHARE = 0.35
-"""Largest radius of the first impulse ellipsoid over the size of leg and ball."""
-
-
-class Moves(NamedTuple):
-    """What changes in a scene: packed commands of meshcat, and HTML of all labels and the panel."""
-
-    commands: list[bytes]
-    labels: str
-    panel: str
+LONGEST_SHARE, ELLIPSOID_SHARE = 1.6, 0.35
+"""Longest flight that the camera shows, over the first one; largest radius of the first impulse
+ellipsoid over the size of leg and ball."""
 
 
 class StillKick:
@@ -96,11 +86,11 @@ class StillKick:
         self.arrow_nodes: set[str] = set()
         self.page = Page(viewer, leg.name or "leg", self._draw(viewer, impact, path, caption))
 
-    def moves(self, impact: Impact, path: BallPath | None = None, caption: str = "") -> Moves:
-        """Return the changes of the scene for another kick of the same leg."""
+    def moves(self, impact: Impact, path: BallPath | None = None, caption: str = "") -> Page:
+        """Return a page of the changes of the scene for another kick of the same leg."""
         viewer = recording_viewer()
         panel = self._draw(viewer, impact, _flown(impact, path), caption)
-        return Moves(viewer.window.commands, "\n".join(viewer.window.labels), panel)
+        return Page(viewer, self.page.title, panel)
 
     def _ground(self, impact: Impact) -> Array:
         centre = impact.ball_before.position
@@ -171,7 +161,7 @@ class View:
         self._page: Page | None = None
         self._version = self._camera_version = 0  # of the scene, and of the one that set the camera
         self._still: StillKick | None = None
-        self._moves: Moves | None = None  # from the scene to the present picture
+        self._moves: Page | None = None  # from the scene to the present picture
         self._moves_version = 0
         self._open = True
         view = self
@@ -297,12 +287,12 @@ class View:
         )
 
 
-def _moves_message(moves: Moves) -> str:
-    labels = f'<div class="labels scene" data-scene="0">\n{moves.labels}\n</div>'
+def _moves_message(moves: Page) -> str:
+    parts, commands = scene_parts(moves.scenes), moves.viewer.window.commands
     update = {
-        "moves": [base64.b64encode(packed).decode() for packed in moves.commands],
-        "labels": labels,
-        "caption": f'<section class="scene" data-scene="0">\n{moves.panel}</section>',
+        "moves": [base64.b64encode(packed).decode() for packed in commands],
+        "labels": parts.labels,
+        "caption": parts.panels,
     }
     return f"data: {json.dumps(update)}\n\n"
 
@@ -343,10 +333,9 @@ def show(
     global _view
     validation.check_type(bool, type(None), browser=browser)
     validation.check_type(bool, still=still)
-    made_still = None
     if still:
         validation.check_type(Impact, subject=subject)
-        made_still = StillKick(subject, path, caption)
+    made_still = StillKick(subject, path, caption) if still else None
     made_page = made_still.page if made_still else page(subject, path, caption=caption)
     is_new = _view is None or not _view.is_open
     if _view is None or is_new:

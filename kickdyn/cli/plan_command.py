@@ -46,10 +46,6 @@ if TYPE_CHECKING:
     from kickdyn.simulators.repeated_runs import NoisyRuns
     from kickdyn.simulators.run_in_mujoco import MujocoRun
 
-CROUCH_SHARE = 0.1
-"""Share of the height of a robot's straight leg by which its hips are lower when it kicks: its
-knees are bent, by 52 degrees if it stood on that foot."""
-
 
 @dataclass(frozen=True)
 class GoalOptions:
@@ -221,7 +217,9 @@ def height_of_ball(leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> fl
     standing = leg.posture(leg.configuration()).with_contact_offset(offset)
     foot = float(standing.contact_point[2])
     # a robot's toe must point ahead
-    crouch = 0.0 if leg.contact_normal_cone is None else CROUCH_SHARE
+    # share of the height of a robot's straight leg by which its hips are lower when it kicks: its
+    # knees are bent, by 52 degrees if it stood on that foot
+    crouch = 0.0 if leg.contact_normal_cone is None else 0.1
     return foot + ball.radius - crouch * foot
 
 

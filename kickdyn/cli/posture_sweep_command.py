@@ -44,13 +44,6 @@ from kickdyn.sweeps.sweep_report import (
     show,
 )
 
-KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
-"""Default grid of our legs: about to meet a ball on the ground before them."""
-
-
-ANNOUNCED_SECONDS = 120.0
-"""Processor time of a sweep from which on it is announced [s]."""
-
 
 @dataclass(frozen=True)
 class SweepOptions:
@@ -154,11 +147,17 @@ def posture_sweep(
     warn((*kick.ball.warnings, *range_warnings(kick.contact.restitution, kick.speed)))
     robot = leg.load()
     if not joints and leg.leg_name in SHIPPED:
-        joints = tuple(axis for axis in KICKING if axis.partition("=")[0] in robot.joint_names)
+        # default grid of our legs: about to meet a ball on the ground before them
+        joints = tuple(
+            axis
+            for axis in ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
+            if axis.partition("=")[0] in robot.joint_names
+        )
     grid = Grid.of(robot, read_postures(robot, joints))
     solver = ChunkSolver(robot, grid, kick, storing.tolerance)
     summary = Summary(solver.describe(), where, storing.kept)
-    if solver.seconds > ANNOUNCED_SECONDS:
+    # processor time of a sweep from which on it is announced [s]
+    if solver.seconds > 120.0:
         size = GIGABYTES * grid.size * len(storing.kept) / len(VARIABLES)
         stored = f" and {size:,.2g} GB in {storing.store}" if storing.store else ""
         click.echo(

@@ -45,19 +45,12 @@ SPIN_SPREAD = 100.0
 """Order of magnitude of a spin [rad/s]: five professionals' curling free kicks have 106 rad/s on
 average (Passmore et al. 2012)."""
 
-OUTLIER = 4.5
-"""Residuals of more than this many standard deviations are left out: in normally distributed noise
-seven of a million are."""
-
 FINEST_TOL, COARSEST_TOL = 1e-10, 1e-7
 """Relative tolerances of the integration: the least, and the first one."""
 
 COST_TOL, PROFILE_COST_TOL, ROBUST_COST_TOL = 1e-8, 1e-6, 1e-4
 """Relative changes of the sum of squares at which a fit ends, less than 0.001 of a deviation; at
 which one of a profile ends; and the robust one, which only chooses the outliers and the start."""
-
-FAILED_RESIDUAL = 1e6
-"""Residual where no flight can be integrated [m]: no step of a solver ends there."""
 
 PROFILED, LARGEST_BEND = 2.0, 2.0
 """Distance from the estimate at which a profile is taken, in standard deviations; and the factor
@@ -317,7 +310,9 @@ def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
         farthest = np.abs(residuals).reshape(-1, 3).max(axis=1)
         # where more samples are far off, the model does not describe the flight
         # fraction of the samples that are used at least
-        limit = max(OUTLIER * spread, float(np.quantile(farthest, 0.9)))
+        # residuals of more than this many standard deviations are left out: in normally
+        # distributed noise seven of a million are
+        limit = max(4.5 * spread, float(np.quantile(farthest, 0.9)))
         used_before, used = used, np.repeat(farthest <= limit, 3)
         tol_before, tol = tol, min(max(1e-3 * spread / length, FINEST_TOL), COARSEST_TOL)
         if np.array_equal(used_before, used) and tol == tol_before:
@@ -359,7 +354,8 @@ def _minimise(
     only.
     """
     residuals, slopes = evaluate(start)
-    failed = np.full(residuals.size, FAILED_RESIDUAL), slopes
+    # residual where no flight can be integrated [m]: no step of a solver ends there
+    failed = np.full(residuals.size, 1e6), slopes
 
     @keep_last
     def residuals_and_slopes(unknowns: Array) -> Evaluation:

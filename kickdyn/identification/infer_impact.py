@@ -43,10 +43,6 @@ LARGEST_IMPULSE_RESIDUAL = 0.05
 """Residual, relative to radius times impulse, up to which a point contact explains an impact whose
 velocities have no deviations; above it a result has a warning."""
 
-LARGEST_CONTACT_DISTANCE = 0.25
-"""Distance between the contact points of ball and posture, in radii of the ball, above which a
-result has a warning."""
-
 LARGEST_FRICTION = 0.63
 """Friction of a ball on leather that is taken to be the largest: nine balls had 0.37 to 0.63 (Fuss
 et al. 2020, Proceedings 49:92)."""
@@ -162,7 +158,9 @@ class InferredImpact(ReprMixin):
                 not -margin <= self.restitution <= 1.0 + margin,
             f"the contact point on the ball is {distance:.2g} m from the contact point of the "
             "posture, where the leg takes the impulse":
-                distance > LARGEST_CONTACT_DISTANCE * self.ball.radius,
+                # distance between the contact points of ball and posture, in radii of the ball,
+                # above which a result has a warning
+                distance > 0.25 * self.ball.radius,
         }  # fmt: skip
         doubts = (line for line, holds in lines.items() if holds)
         return (*self.notes, *doubts, *self.posture.warnings, *self.ball.warnings)

@@ -64,10 +64,6 @@ LEARNT_SHARE = 1.0 / 3.0
 """Variance of the mean landing, over the variance by the scatter, at which learning ends: the
 unknowns then widen the scatter by 15 %."""
 
-UNLIKELY = 5.99
-"""Square of a distance, in standard deviations, that 5 % of random points in a plane exceed: the
-95 % quantile of the chi-square distribution with 2 degrees of freedom."""
-
 SHORTEST = 1e-6
 """Duration of a flight [s] below which the ball is taken to leave into the ground."""
 
@@ -237,7 +233,9 @@ class Learner(ReprMixin):
         return bool(
             self.shots
             and np.trace(uncertainty) <= LEARNT_SHARE * np.trace(scatter)
-            and missed @ np.linalg.solve(scatter + uncertainty, missed) <= UNLIKELY
+            # square of a distance, in standard deviations, that 5 % of random points in a plane
+            # exceed: the 95 % quantile of the chi-square distribution with 2 degrees of freedom
+            and missed @ np.linalg.solve(scatter + uncertainty, missed) <= 5.99
         )
 
     @property

@@ -228,9 +228,6 @@ FRICTION_DEVIATION, ROLLING_DEVIATION = 0.05, 0.3
 """Standard deviations of one bounce's friction and of one part's rolling deceleration [m/s2]: grass
 is not level."""
 
-MOST_FRICTION = 1.0
-"""Ratio of the changes of velocity along and across the ground above which it was no bounce."""
-
 LEAST_FALL, MOST_FALL = 4.0, 22.0
 """Downward accelerations between which a ball flies [m/s2]; lift and drag change gravity."""
 
@@ -443,7 +440,8 @@ def _described(
                 faster = up - down > 2.0 * math.hypot(spread, deviation)
                 if kind in ON_GROUND:
                     begins = CutReason.LANDING
-                elif up > 0.0 and not faster and along < MOST_FRICTION * (up + down):
+                # a bounce changes the velocity less along the ground than across it
+                elif up > 0.0 and not faster and along < up + down:
                     begins = CutReason.BOUNCE
         first, last = int(samples.indices[piece.first]), int(samples.indices[piece.last - 1]) + 1
         segments.append(Segment(kind, first, last, begins, start, before, after))

@@ -9,7 +9,7 @@ import re
 import struct
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -74,16 +74,6 @@ MISSING = {"", "na", "n/a", "nan", "null", "none"}
 
 MOST_TITLES = 50
 """Lines among which the names of the columns are sought."""
-
-
-@contextlib.contextmanager
-def _long_fields() -> Iterator[None]:
-    """Let the module csv read fields of any length; its default is 131,072 characters."""
-    default = csv.field_size_limit(LARGEST_FILE)
-    try:
-        yield
-    finally:
-        csv.field_size_limit(default)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -171,7 +161,6 @@ class Track(ValueEquality, ReprMixin):
 
     @classmethod
     @validation.check_arguments
-    @_long_fields()
     def from_csv(cls, file: FileName, columns: Sequence[str] = ("t", "x", "y", "z")) -> "Track":
         """Read a track from a file of values in columns, below a row that names the columns.
 
@@ -309,8 +298,11 @@ def cells_of(line: str, separator: str | None) -> list[str]:
     """Return the cells of a line, without blanks and quotation marks around them."""
     if separator is None:
         return line.split()
-    rows = csv.reader([line], delimiter=separator, skipinitialspace=True)
-    return [cell.strip() for cell in next(rows, [])]
+    try:
+        row = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    except csv.Error:  # a field of more than 131,072 characters
+        row = line.split(separator)
+    return [cell.strip() for cell in row]
 
 
 def _find_columns(header: Sequence[str], names: Sequence[str]) -> list[tuple[int, float]]:

@@ -308,9 +308,6 @@ def disabled_pairs(leg: Leg) -> set[frozenset[str]]:
 FAR = 0.01
 """Distance from the ball [m] from which on shapes for contacts do not stand for the foot."""
 
-INCLINED = math.radians(5.0)
-"""Angle between the normals of the foot's shapes and of the planned impact that is named [rad]."""
-
 
 class FootKind(StrEnum):
     """What strikes the ball: the shapes of the foot, or a plate at the contact point."""
@@ -367,7 +364,8 @@ def _meet(
     meets = [ball_proximity(shape.body, point + radius * normal, radius) for shape in shapes]
     nearest = max(meets, key=lambda one: one.depth)
     gap, angle = -nearest.depth, math.acos(np.clip(nearest.normal @ normal, -1.0, 1.0))
-    if abs(gap) <= TOUCHING and angle <= INCLINED:
+    # angle between the normals of the foot's shapes and of the planned impact that is named [rad]
+    if abs(gap) <= TOUCHING and angle <= math.radians(5.0):
         return gap, []
     where = "from the ball" if gap > 0.0 else "inside the ball"
     return gap, [

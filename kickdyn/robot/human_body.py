@@ -146,16 +146,14 @@ DUMAS_AXES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """Axes x forward, y left, z up by those of Dumas."""
 
 
-YEADON_SEGMENTS = ("P", "J1", "J2", "K1", "K2")
-"""Attributes of a `yeadon.Human`: pelvis, left thigh and lower leg, and the right ones."""
-
 YEADON_FOOT = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 """Axes of a foot that lies forward by the axes of one that points down."""
 
 
 def segments(source: Any, sex: Sex, side: str, height: float) -> dict[str, BodySegment]:
     """Return the segments of a table, or of a `yeadon.Human` [m by this height], by link."""
-    if all(hasattr(source, name) for name in YEADON_SEGMENTS):
+    # attributes of a `yeadon.Human`: pelvis, left thigh and lower leg, and the right ones
+    if all(hasattr(source, name) for name in ("P", "J1", "J2", "K1", "K2")):
         return _yeadon(source, side, height)
     if validation.choice("segments", source, Tables) is Tables.DUMAS:
         return {link: _dumas(link, row, sex) for link, row in DUMAS[sex].items()}

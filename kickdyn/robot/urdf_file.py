@@ -63,9 +63,6 @@ REQUIRED = {*NUMBERS["mass"], *NUMBERS["inertia"], "effort", "velocity"}
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 """A number as Pinocchio's parser reads it, which takes neither nan nor inf."""
 
-XACRO = "{http://www.ros.org/wiki/xacro}"
-"""Namespace of the macros of xacro, as ElementTree writes it before their names."""
-
 
 class UrdfFile(RobotFile):
     """A URDF that passed every check, its text written out anew."""
@@ -236,7 +233,8 @@ def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
         return ["is an MJCF, its root is <mujoco>: Leg.from_mjcf reads it"]
     if root.tag != "robot":
         return [f"is not a URDF: its root is <{root.tag}>, not <robot>"]
-    if any(element.tag.startswith(XACRO) for element in root.iter()):
+    # namespace of the macros of xacro, as ElementTree writes it before their names
+    if any(element.tag.startswith("{http://www.ros.org/wiki/xacro}") for element in root.iter()):
         return ["is a xacro file: expand it with `xacro FILE > robot.urdf`, and read the result"]
     faults: list[str] = []
     _name(root, "robot", faults)

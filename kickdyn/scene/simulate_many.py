@@ -23,8 +23,6 @@ from kickdyn.scene.simulate import Simulation, simulate
 SOURCES = ("q", "v", "restitution", "friction", "normal", "ball_velocity", "ball_spin")
 """Sources of uncertainty that are drawn; masses and the size of the ball change the flight, too."""
 
-MOST_DRAWS = 10_000_000
-
 
 @dataclass(frozen=True, eq=False)
 class Simulations:
@@ -99,7 +97,7 @@ def simulate_many(
         >>> many.end.shape, bool(0.5 < many.deviation / many.nominal.end_deviation < 2)
         ((2000, 3), True)
     """
-    n = validation.whole("draws", draws, at_least=1, at_most=MOST_DRAWS)
+    n = validation.whole("draws", draws, at_least=1, at_most=10_000_000)
     seed = validation.whole("seed", seed, at_least=0)
     if not scene.uncertainty:
         raise InvalidInput("the scene has no uncertainty: draws need one, Scene(uncertainty=...)")

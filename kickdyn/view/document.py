@@ -42,9 +42,6 @@ LEFT, RIGHT = 0.76 * UP, 1.6 * UP
 """Slopes that bound the scene, in a picture of 16 by 9 with a caption at its left."""
 
 
-IDENTIFIER = re.compile(rb"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
-"""The random name that meshcat gives an object, geometry or material."""
-
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 TIMEOUT = 600.0
 """Longest run of Chromium for one picture [s]."""
@@ -71,7 +68,8 @@ class Recorder:
         """Record a meshcat command, equal to the bytes of another that does the same."""
         names: dict[bytes, bytes] = {}  # numbers of the same length, in order
         self.commands.append(
-            IDENTIFIER.sub(
+            re.sub(  # the random name that meshcat gives an object, geometry or material
+                rb"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}",
                 lambda name: names.setdefault(name[0], b"%036d" % len(names)),
                 umsgpack.packb(command.lower()),
             )
@@ -214,9 +212,6 @@ def save_picture(html: str, path: FileName, time: float = 0.0) -> None:
 
 ROOT = "/meshcat/"
 
-NUMBER_TYPES = {0x16: np.uint32, 0x17: np.float32}
-"""Types of meshcat's packed arrays, by the code of their extension."""
-
 SEGMENTS = 32
 
 Y_UP: Array = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -224,10 +219,6 @@ Y_UP: Array = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1
 
 Z_TO_Y: Array = np.array([[0.0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
 """A rotation that turns the axis z to y."""
-
-
-TARGETS = {".position": "translation", ".quaternion": "rotation", ".scale": "scale"}
-"""What meshcat's tracks move, by its name in glTF."""
 
 
 def to_glb(recorder: Recorder) -> bytes:
@@ -298,7 +289,8 @@ def _animate(clips: dict[str, Any], buffers: dict[Any, bytes], tree: dict[str, A
         for track in clip["tracks"]:
             frames, indices = np.unique([key["time"] for key in track["keys"]], return_index=True)
             values = np.array([track["keys"][k]["value"] for k in indices])
-            target = {"node": number, "path": TARGETS[track["name"]]}
+            kinds = {".position": "translation", ".quaternion": "rotation", ".scale": "scale"}
+            target = {"node": number, "path": kinds[track["name"]]}
             channels.append({"sampler": len(samplers), "target": target})
             samplers.append({"input": accessor(frames / clip["fps"]), "output": accessor(values)})
     if channels:
@@ -355,5 +347,6 @@ def _triangles(data: dict[str, Any]) -> Any:
 def _array(packed: dict[str, Any]) -> Any:
     """Return an array as meshcat has packed it, a row for each vertex or face."""
     extension = packed["array"]
-    numbers = np.frombuffer(extension.data, NUMBER_TYPES[extension.type])
+    # types of meshcat's packed arrays, by the code of their extension
+    numbers = np.frombuffer(extension.data, {0x16: np.uint32, 0x17: np.float32}[extension.type])
     return np.asarray(numbers.reshape(-1, packed["itemSize"]))

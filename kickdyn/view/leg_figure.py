@@ -43,9 +43,6 @@ CURVE = 0xF28C00
 CURVE_POINTS = 150
 """Points of the curve of a flight."""
 
-SEPARATION = 1.2
-"""Distance of the two robots over the width of one, across the kick."""
-
 PERSON_COLOUR = 0x8A97A6
 PERSON = (
     ((0.0, 0.0, 0.25), (0.0, 0.0, 1.25), 0.3),  # trunk
@@ -281,7 +278,8 @@ class DrawnRun(NamedTuple):
 def draw_run(viewer: Any, run: SimulatedRun, forward: Array, planned: Array) -> DrawnRun:
     """Draw robot and ball of a run to the right of the planned robot, which has these corners."""
     right, impact = np.cross(forward, UP_AXIS), run.plan.impact
-    offset = max(SEPARATION * float(np.ptp(planned @ right)), 8 * impact.ball.radius) * right
+    # distance of the two robots over the width of one, across the kick
+    offset = max(1.2 * float(np.ptp(planned @ right)), 8 * impact.ball.radius) * right
     node, leg = viewer["run"], impact.posture.leg
     node.set_transform(tf.translation_matrix(offset))
     corners = draw_leg(node["leg"], leg, run.q[0])

@@ -26,10 +26,6 @@ LIGHT_INTENSITIES = {
     "PointLightNegativeX": 0.1,
     "PointLightPositiveX": 0.1,
 }
-SUN_DIRECTION = np.array([-0.3, -0.5, 0.81])
-"""Unit vector from the scene to the light."""
-
-
 CURVE_RADIUS = 0.0017
 """Radius of a flight's curve over its distance from the camera: 3 or 4 pixels on a screen."""
 
@@ -86,7 +82,8 @@ def set_stage(viewer: Any, camera: Camera, points: Array) -> None:
         viewer[f"/Lights/{name}/<object>"].set_property("intensity", brightness)
     reach = float(np.linalg.norm(points - camera.target, axis=1).max())
     sun = viewer["/Lights/FillLight/<object>"]
-    sun.set_property("position", (1.8 * reach * SUN_DIRECTION).tolist())
+    # unit vector from the scene to the light
+    sun.set_property("position", (1.8 * reach * np.array([-0.3, -0.5, 0.81])).tolist())
     sun.set_property("reach", reach)  # the page's script frames the shadows by it
     x, y, z = (camera.position - camera.target).tolist()
     size = math.hypot(x, y, z)
@@ -142,9 +139,6 @@ SIDES = 8  # of a tube that draws a curve
 
 SHAFT, NECK, HEAD = 0.028, 0.72, 0.084
 """Of an arrow, over its length: radius of the shaft, where the head begins, the head's radius."""
-
-PANEL_ANGLE = 0.36
-"""Angle between the middle and the edge of a dark panel of the ball, at the ball's centre [rad]."""
 
 UPRIGHT: Array = tf.rotation_matrix(math.pi / 2, (1, 0, 0))
 """Turns the axis of meshcat's cylinder, y, to z, which is the axis of a URDF's cylinder."""
@@ -264,7 +258,8 @@ def _panels() -> dict[str, tuple[Array, Array]]:
     """Return vertices and faces of a ball's panels, the dark ones at corners of an icosahedron."""
     sphere = trimesh.creation.icosphere(subdivisions=4)
     corners = trimesh.creation.icosahedron().vertices
-    dark = (sphere.triangles_center @ corners.T).max(axis=1) > math.cos(PANEL_ANGLE)
+    # angle between the middle and the edge of a dark panel of the ball, at the ball's centre [rad]
+    dark = (sphere.triangles_center @ corners.T).max(axis=1) > math.cos(0.36)
     return {
         "pentagons": (sphere.vertices, sphere.faces[dark]),
         "hexagons": (sphere.vertices, sphere.faces[~dark]),

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import click
 
@@ -17,7 +16,6 @@ from kickdyn.robot.names import unknown
 from kickdyn.scene.scene import Compliance
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.simulators.mujoco_fit import MujocoIntegrator
-from kickdyn.simulators.tune_mujoco import MujocoTuning
 from kickdyn.simulators.tune_mujoco import tune_mujoco as tune_contact
 
 NUMBERS = (
@@ -100,7 +98,9 @@ def tune_mujoco(scene_file: str, mujoco: MujocoOptions, output: MjcfOptions) -> 
         if file not in (None, "-"):
             with replacing(file) as draft:
                 draft.write_text(text, encoding="utf-8")
-    output.write_json(_document(scene.name, tuning, model))
+    document = {"scene": scene.name, **attributes(tuning, NUMBERS), "mjcf": model}
+    document["goals"] = [{**goal._asdict(), "met": goal.met} for goal in tuning.goals]
+    output.write_json(document)
     if output.out == "-":
         click.echo(model, nl=False)
     elif output.prints:
@@ -135,12 +135,3 @@ def striking_geoms(leg: Leg, names: tuple[str, ...], *, needed: bool) -> tuple[s
         f"which geom of {frame!r} strikes the ball? MuJoCo needs its name for friction: name it "
         f"with --foot (there are {choices}), or choose a contact without friction"
     )
-
-
-def _document(name: str, tuning: MujocoTuning, model: str) -> dict[str, Any]:
-    return {
-        "scene": name,
-        **attributes(tuning, NUMBERS),
-        "goals": [{**goal._asdict(), "met": goal.met} for goal in tuning.goals],
-        "mjcf": model,
-    }

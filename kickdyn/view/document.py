@@ -180,10 +180,7 @@ def find_browser() -> str:
     """Return the browser that draws pictures, or raise `InvalidInput` if there is none."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
-        raise InvalidInput(
-            "a picture of a page needs Chromium: install it (Debian package chromium), "
-            "or write the page alone"
-        )
+        raise InvalidInput("a picture of a page needs Chromium (Debian package chromium)")
     return browser
 
 

@@ -281,15 +281,17 @@ def _comparison(
         if not isinstance(subject, Iterable) or isinstance(subject, str):
             raise InvalidInput(f"a page cannot show a {type(subject).__name__}")
         subject = {str(number): item for number, item in enumerate(subject, start=1)}
-    measured: dict[str, Array] = {}
-    impacts: dict[str, Impact] = {}
-    paths: dict[str, BallPath] = {}
+    measured, impacts, paths = dict[str, Array](), dict[str, Impact](), dict[str, BallPath]()
     for name, item in subject.items():
         match item:
             case Impact():
                 impacts[name] = item
-            case Launch():
-                paths[name] = item.flight
+            case Launch(flight=path) | Pass(course=path):
+                paths[name] = path
+            case Identification():
+                paths[name], measured[name] = item.flight, item.track.positions
+            case Flight() | Course():
+                paths[name] = item
             case Pass():
                 paths[name] = item.course
             case Identification():

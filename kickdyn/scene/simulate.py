@@ -2,16 +2,18 @@
 
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate
 from typing import Any
 
+import numpy as np
+
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
-from kickdyn.ball import Ball, BallState
+from kickdyn.ball import BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, distance_in_words, warned
 from kickdyn.errors import InvalidInput, KickdynError
@@ -39,16 +41,6 @@ from kickdyn.scene.scene import Passage, Scene, Score, passage_on, score_at
 
 
 @dataclass(frozen=True)
-class Effect:
-    """An effect; `without` neglects it, given the launch, which those `in_flight` do not change."""
-
-    name: str
-    is_in: Callable[[Scene], bool]
-    without: Callable[[Scene, BallState], Scene]
-    in_flight: bool = False
-
-
-@dataclass(frozen=True)
 class EffectSize:
     """What neglecting one effect changes, everything else modelled.
 
@@ -68,75 +60,38 @@ class EffectSize:
     seconds: float = 0.0
 
 
-def effects_of(scene: Scene) -> list[Effect]:
-    """Return the effects that a scene has."""
-    return [effect for effect in EFFECTS if effect.is_in(scene)]
-
-
-def _constant_drag(air: Air, ball: Ball, launch: BallState) -> Air:
-    assert air.drag is not None
-    speed = max(math.dist(launch.velocity, air.wind_at(float(launch.position[2]))), 1e-9)
-    surface_speed = ball.radius * math.hypot(*launch.spin.tolist())
-    reynolds = 2.0 * ball.radius * air.density / air.viscosity * speed
-    return replace(air, drag=constant(air.drag(reynolds, surface_speed / speed)))
-
-
-def _of_air(
-    name: str, acts: Callable[[Air], bool], change: Callable[[Air, Ball, BallState], Air]
-) -> Effect:
-    def without(scene: Scene, launch: BallState) -> Scene:
-        assert scene.air is not None
-        return scene.replace(air=change(scene.air, scene.ball, launch))
-
-    def is_in(scene: Scene) -> bool:
-        return scene.air is not None and scene.air.density > 0.0 and acts(scene.air)
-
-    return Effect(name, is_in, without, in_flight=True)
-
-
-def _has_force(air: Air) -> bool:
-    """Return whether drag or lift acts, through which wind and spin decay change the path."""
-    return air.drag is not None or air.lift is not None
-
-
-EFFECTS = (
-    Effect("contact time", lambda scene: scene.is_compliant, lambda scene, _: scene.as_instant()),
-    Effect(
-        "friction",
-        lambda scene: scene.contact.friction > 0.0,
-        lambda scene, _: scene.replace(contact=replace(scene.contact, friction=0.0)),
-    ),
-    Effect(
-        "ball rotation",
-        lambda scene: scene.ball.inertia_factor < math.inf,
-        lambda scene, _: scene.replace(ball=replace(scene.ball, inertia_factor=math.inf)),
-    ),
-    Effect(
-        "armature",
-        lambda scene: bool(scene.leg.workspace.model.armature.any()),
-        lambda scene, _: scene.with_leg(scene.leg.without_rotors()),
-    ),
-    Effect(
-        "supports",
-        lambda scene: scene.leg.constraints is not None and bool(scene.leg.constraints.supports),
-        lambda scene, _: scene.with_leg(scene.leg.with_supports()),
-    ),
-    _of_air("drag", lambda air: air.drag is not None, lambda air, *_: replace(air, drag=None)),
-    _of_air("drag crisis", lambda air: air.drag is not None, _constant_drag),
-    _of_air("lift", lambda air: air.lift is not None, lambda air, *_: replace(air, lift=None)),
-    _of_air(
-        "spin decay",
-        lambda air: air.torque is not None and _has_force(air),
-        lambda air, *_: replace(air, torque=None),
-    ),
-    _of_air(
-        "wind",
-        lambda air: (callable(air.wind) or bool(air.wind.any())) and _has_force(air),
-        lambda air, *_: replace(air, wind=(0.0, 0.0, 0.0)),
-    ),
-    _of_air("buoyancy", lambda air: air.buoyancy, lambda air, *_: replace(air, buoyancy=False)),
-)
-"""Every effect that can be neglected by itself."""
+def scenes_without(scene: Scene, launch: BallState) -> dict[str, Scene]:
+    """Return, by each effect of a scene that can be neglected by itself, the scene without it."""
+    leg, ball, contact, air = scene.leg, scene.ball, scene.contact, scene.air
+    less, airs = dict[str, Scene](), dict[str, Air]()
+    if scene.is_compliant:
+        less["contact time"] = scene.as_instant()
+    if contact.friction > 0.0:
+        less["friction"] = scene.replace(contact=replace(contact, friction=0.0))
+    if ball.inertia_factor < math.inf:
+        less["ball rotation"] = scene.replace(ball=replace(ball, inertia_factor=math.inf))
+    if leg.workspace.model.armature.any():
+        less["armature"] = scene.with_leg(leg.without_rotors())
+    if leg.supports:
+        less["supports"] = scene.with_leg(leg.with_supports())
+    if air is None or air.density == 0.0:
+        return less
+    if air.drag is not None:
+        speed = max(math.dist(launch.velocity, air.wind_at(float(launch.position[2]))), 1e-9)
+        reynolds = 2.0 * ball.radius * air.density / air.viscosity * speed
+        spin_parameter = ball.radius * math.hypot(*launch.spin.tolist()) / speed
+        airs["drag"] = replace(air, drag=None)
+        airs["drag crisis"] = replace(air, drag=constant(air.drag(reynolds, spin_parameter)))
+    if air.lift is not None:
+        airs["lift"] = replace(air, lift=None)
+    if air.drag is not None or air.lift is not None:  # through which spin and wind act
+        if air.torque is not None:
+            airs["spin decay"] = replace(air, torque=None)
+        if callable(air.wind) or air.wind.any():
+            airs["wind"] = replace(air, wind=np.zeros(3))
+    if air.buoyancy:
+        airs["buoyancy"] = replace(air, buoyancy=False)
+    return less | {name: scene.replace(air=changed) for name, changed in airs.items()}
 
 
 CONTACT_SHARE = 0.9
@@ -234,24 +189,27 @@ class Simulation(ReprMixin):
     @property
     def modelled(self) -> tuple[str, ...]:
         """Effects of the scene that were modelled."""
-        names = (effect.name for effect in effects_of(self.scene))
-        return tuple(name for name in names if name not in self.neglected)
+        return tuple(name for name in self._scenes_without if name not in self.neglected)
+
+    @cached_property
+    def _scenes_without(self) -> dict[str, Scene]:
+        return scenes_without(self.scene, self.launch)
 
     @cached_property
     def effects(self) -> tuple[EffectSize, ...]:
-        """What neglecting each effect changes, in the order of `EFFECTS`.
+        """What neglecting each effect changes, in the order of `scenes_without`.
 
         It is computed when it is first read: flights and, for the effects on the launch, impacts,
         as in this answer, with its tolerances. A contact time that is neglected has the size of the
         `model_error`.
         """
         sizes = list[EffectSize]()
-        for effect in effects_of(self.scene):
-            if effect.name in self.neglected:
-                sizes.append(EffectSize(effect.name, self.model_error, math.nan, "", self.seconds))
+        for name, less in self._scenes_without.items():
+            if name in self.neglected:
+                sizes.append(EffectSize(name, self.model_error, math.nan, "", self.seconds))
                 continue
             began = time.process_time()
-            sizes.append(replace(_measure(effect, self), seconds=time.process_time() - began))
+            sizes.append(replace(_measure(name, less, self), seconds=time.process_time() - began))
         return tuple(sizes)
 
     @property
@@ -465,22 +423,19 @@ def simulate_as_instant(scene: Scene) -> Simulation:
     return replace(answer, scene=scene, model_error=size, note=note)
 
 
-def _measure(effect: Effect, full: Simulation) -> EffectSize:
-    less, impulse = effect.without(full.scene, full.launch), 0.0
+def _measure(effect: str, less: Scene, full: Simulation) -> EffectSize:
+    impact, impulse = full.impact, 0.0
     try:
-        if effect.in_flight:
-            path = fly_scene(less, full.launch)
-        else:
-            impact: Impact | Collision = full.impact
+        if less.air is full.scene.air:  # else the effect is one of the flight only
             if isinstance(impact, Collision) and less.is_compliant:
                 impact = collide_scene(less, impact.tol)
             else:
                 impact = strike_scene(less)
-            path = fly_scene(less, impact.ball_after)
             impulse = math.dist(impact.impulse, full.impact.impulse)
+        path = fly_scene(less, impact.ball_after)
     except KickdynError as error:
-        return EffectSize(effect.name, math.nan, math.nan, str(error))
+        return EffectSize(effect, math.nan, math.nan, str(error))
     for status in (full.status, path.status):
         if status not in STATUSES_WITH_END:
-            return EffectSize(effect.name, math.nan, impulse, f"no end: {status}")
-    return EffectSize(effect.name, math.dist(end_of(path).position, full.end.position), impulse)
+            return EffectSize(effect, math.nan, impulse, f"no end: {status}")
+    return EffectSize(effect, math.dist(end_of(path).position, full.end.position), impulse)

@@ -173,10 +173,23 @@ def tradeoff(scene: str | None, output: PlotOptions) -> None:
     Example: kickdyn tradeoff --plot tradeoff.png
     """
     output.check(inputs=[scene])
-    if scene is None:
-        _compare_functions(output)
+    if scene is not None:
+        loaded = load_scene(scene)
+        with busy("measuring"):
+            exact = simulate_scene(loaded, None)
+            sizes = sorted(
+                exact.effects, key=lambda size: math.inf if math.isnan(size.end) else -size.end
+            )
+        output.save_plot(partial(effect_figure, loaded.name, sizes))
+        output.write_json({
+            "scene": loaded.name, "status": exact.status,
+            "end": exact.end.position.tolist(), "impulse": exact.impact.impulse.tolist(),
+            "units": {"end": "m", "impulse": "N s"},
+            "effects": plain(sizes),
+        })  # fmt: skip
+        output.print_rows(exact)
     else:
-        _measure_scene(scene, output)
+        _compare_functions(output)
     output.name_written(output.plot)
 
 
@@ -202,23 +215,6 @@ def _compare_functions(output: PlotOptions) -> None:
             "batches a third each sticks, slips and misses; flights have all lengths.",
         ]
         print_wrapped("\n".join(lines))
-
-
-def _measure_scene(scene: str, output: PlotOptions) -> None:
-    loaded = load_scene(scene)
-    with busy("measuring"):
-        exact = simulate_scene(loaded, None)
-        sizes = sorted(
-            exact.effects, key=lambda size: math.inf if math.isnan(size.end) else -size.end
-        )
-    output.save_plot(partial(effect_figure, loaded.name, sizes))
-    output.write_json({
-        "scene": loaded.name, "status": exact.status,
-        "end": exact.end.position.tolist(), "impulse": exact.impact.impulse.tolist(),
-        "units": {"end": "m", "impulse": "N s"},
-        "effects": plain(sizes),
-    })  # fmt: skip
-    output.print_rows(exact)
 
 
 @styled()

@@ -388,9 +388,13 @@ def check_order(leg: Leg, places: Mapping[str, Marker], measured: Array) -> list
             if misfit < least:
                 continue
             seen = measured[frame, chosen]
+            numbers = range(len(chosen))
+            swaps = [{a: b, b: a} for a, b in combinations(numbers, 2)]
+            exchanged = [tuple(swap.get(k, k) for k in numbers) for swap in swaps]
+            # of many markers, exchanges of two are tried instead of all orders
+            orders = list(permutations(numbers)) if len(chosen) <= 5 else exchanged
             best, order = min(
-                (_misfit(points[chosen], seen[list(order)], stands), order)
-                for order in _orders(len(chosen))
+                (_misfit(points[chosen], seen[list(order)], stands), order) for order in orders
             )
             if best > share * misfit:
                 continue
@@ -403,15 +407,6 @@ def check_order(leg: Leg, places: Mapping[str, Marker], measured: Array) -> list
                 raise InvalidInput(f"markers {swapped} are swapped {distances}")
             doubts.append(f"markers {swapped} may be swapped {distances}")
     return doubts
-
-
-def _orders(count: int) -> list[tuple[int, ...]]:
-    """Return orders of markers that may have been mistaken for each other."""
-    # markers of a segment of which all orders are tried; of more of them, exchanges of two
-    if count <= 5:
-        return list(permutations(range(count)))
-    swaps = [{a: b, b: a} for a, b in combinations(range(count), 2)]
-    return [tuple(swap.get(k, k) for k in range(count)) for swap in swaps]
 
 
 def _misfit(points: Array, seen: Array, stands: bool) -> float:

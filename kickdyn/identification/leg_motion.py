@@ -276,7 +276,16 @@ class LegMotion(ReprMixin):
         complete = self.times[window & self._complete]
         longest = max(LONGEST_GAP * interval, LONGEST_UNSEEN)
         if len(complete) < LEAST_FRAMES or moment - contact.deviation - complete[-1] > longest:
-            raise InvalidInput(self._few_frames(moment, len(complete), longest))
+            begin, end = self.times[self._complete][[0, -1]].tolist()
+            gaps = [f"{name!r} in frame {frames[-1]}" for name, frames in self.gaps.items()]
+            unseen = ", ".join(gaps[:3]) + (f", {len(gaps) - 3} others" if len(gaps) > 3 else "")
+            raise InvalidInput(
+                f"contact at {moment:g} s: {len(complete)} frames of the {CONTACT_WINDOW:g} s "
+                f"before it determine the leg; at least {LEAST_FRAMES} must, the last one at most "
+                f"{longest:.3g} s before the contact. Such frames are from {begin:g} to {end:g} s; "
+                f"last gaps: {unseen or 'none'}; three markers on each segment that are not on one "
+                "line are always enough"
+            )
         spline = self._smoothed(window, GROWTH)
         q, v, covariance = spline.state(moment)
         change = contact.deviation * spline.rate(moment)
@@ -292,18 +301,6 @@ class LegMotion(ReprMixin):
     def _complete(self) -> Any:
         """Whether the markers of each frame determine the whole configuration."""
         return ~np.isin(self.frames, self.undetermined)
-
-    def _few_frames(self, moment: float, count: int, longest: float) -> str:
-        begin, end = self.times[self._complete][[0, -1]].tolist()
-        gaps = [f"{name!r} in frame {frames[-1]}" for name, frames in self.gaps.items()]
-        unseen = ", ".join(gaps[:3]) + (f", {len(gaps) - 3} others" if len(gaps) > 3 else "")
-        return (
-            f"contact at {moment:g} s: {count} frames of the {CONTACT_WINDOW:g} s before it "
-            f"determine the leg; at least {LEAST_FRAMES} must, the last one at most "
-            f"{longest:.3g} s before the contact. Such frames are from "
-            f"{begin:g} to {end:g} s; last gaps: {unseen or 'none'}; three "
-            "markers on each segment that are not on one line are always enough"
-        )
 
     @validation.check_arguments
     @styled()

@@ -427,7 +427,11 @@ def _described(
         start, before, spread = float(samples.times[piece.first]), None, 0.0
         begins = CutReason.START if i == 0 else CutReason.GAP
         if i > 0 and piece.first not in gaps:
-            start = _meeting_time(samples, pieces[i - 1], piece)
+            # they meet where they are nearest to each other, around the cut between them
+            last, next_one = samples.times[[pieces[i - 1].last - 1, piece.first]]
+            times = np.linspace(2.0 * last - next_one, 2.0 * next_one - last, 61)
+            gaps_there = pieces[i - 1].derivative(times, 0) - piece.derivative(times, 0)
+            start = float(times[int(np.argmin(np.linalg.norm(gaps_there, axis=0)))])
             before, spread = _velocity(samples, pieces[i - 1], start, kinds[i - 1])
         after, deviation = _velocity(samples, piece, start, kind)
         deviations.append((spread, deviation))
@@ -485,15 +489,6 @@ def _kind(samples: _Samples, piece: _Piece, rest_height: float) -> SegmentKind:
         # speed below which a ball on the ground counts as at rest [m/s]
         return SegmentKind.REST if speed < 0.3 else SegmentKind.ROLLING
     return SegmentKind.FLIGHT if LEAST_FALL < piece.fall < MOST_FALL else SegmentKind.OTHER
-
-
-def _meeting_time(samples: _Samples, left: _Piece, right: _Piece) -> float:
-    """Return when two pieces are nearest to each other, around the cut between them [s]."""
-    before, after = samples.times[left.last - 1], samples.times[right.first]
-    margin = after - before
-    times = np.linspace(before - margin, after + margin, 61)
-    distances = np.linalg.norm(left.derivative(times, 0) - right.derivative(times, 0), axis=0)
-    return float(times[int(np.argmin(distances))])
 
 
 def _at_bounces(

@@ -309,7 +309,13 @@ def _find_columns(header: Sequence[str], names: Sequence[str]) -> list[tuple[int
     """Return place and unit of the columns for t, x, y, z; none unless each is named once."""
     found = []
     for name, units in zip(names, UNITS, strict=True):
-        split = [_name_and_unit(cell, units) for cell in header]
+        split = list[tuple[str, float]]()
+        for cell in header:
+            match = UNIT.fullmatch(cell[:100])  # the pattern takes long for thousands of blanks
+            unit = (match[2] or match[4]).lower() if match else ""
+            is_unit = match is not None and unit in units
+            name_alone = match[1] or match[3] if match and is_unit else cell
+            split.append((name_alone.casefold(), units[unit] if is_unit else 1.0))
         places = [k for k, cell in enumerate(header) if cell == name]
         meant = TIME if name == "t" else (name.casefold(),)
         places = places or [k for k, (bare, _) in enumerate(split) if bare in meant]
@@ -317,16 +323,6 @@ def _find_columns(header: Sequence[str], names: Sequence[str]) -> list[tuple[int
             return []
         found.append((places[0], split[places[0]][1]))
     return found
-
-
-def _name_and_unit(cell: str, units: Mapping[str, float]) -> tuple[str, float]:
-    """Return the name of a column in lower case, and its unit, 1 where none of the units is."""
-    # letters of a name with its unit: a pattern takes long for thousands of blanks
-    match = UNIT.fullmatch(cell[:100])
-    unit = (match[2] or match[4]).lower() if match else ""
-    if match is None or unit not in units:
-        return cell.casefold(), 1.0
-    return (match[1] or match[3]).casefold(), units[unit]
 
 
 def _rows_of_table(table: Any) -> tuple[Array, list[float]]:

@@ -70,7 +70,14 @@ def check_model(model: Any) -> None:
             "the ball flies, or zero"
         )
     names = list(model.names)[1:]
-    _check_order(model)
+    for root in range(1, model.njoints):  # else crba is wrong, silently
+        for joint, expected in zip(model.subtrees[root], range(root, model.njoints), strict=False):
+            if joint != expected:
+                raise InvalidInput(
+                    f"joint {model.names[joint]!r} comes after joints of another branch than its "
+                    f"parent's, {model.names[model.parents[joint]]!r}: add the joints branch by "
+                    "branch"
+                )
     placements = list(model.jointPlacements)[1:]
     for name, joint, placement in zip(names, list(model.joints)[1:], placements, strict=True):
         if joint.shortname() == "JointModelMimic":
@@ -90,18 +97,6 @@ def check_model(model: Any) -> None:
         if not np.isfinite(frame.placement.homogeneous).all():
             raise InvalidInput(f"placement of frame {frame.name!r} is not finite")
     _check_limits(model)
-
-
-def _check_order(model: Any) -> None:
-    """Raise `InvalidInput` unless each branch is in one piece: else crba is wrong, silently."""
-    for root in range(1, model.njoints):
-        for joint, expected in zip(model.subtrees[root], range(root, model.njoints), strict=False):
-            if joint != expected:
-                raise InvalidInput(
-                    f"joint {model.names[joint]!r} comes after joints of another branch than its "
-                    f"parent's, {model.names[model.parents[joint]]!r}: add the joints branch by "
-                    "branch"
-                )
 
 
 def _check_inertias(model: Any, names: list[str]) -> None:
@@ -220,23 +215,18 @@ def find_singular_joints(model: Any, inertia: Array) -> list[str]:
     """Return joints with a share in the null vectors of an inertia, or with infinite entries."""
     singular: NDArray[np.bool_] = np.logical_not(np.isfinite(inertia).all(axis=1))
     if not singular.any():
-        singular = _nearly_null(inertia)
+        diagonal = inertia.diagonal()
+        singular = np.asarray(diagonal <= 1e-14 * diagonal.max())  # they move no inertia
+        if not singular.any():
+            scale = 1.0 / np.sqrt(diagonal)
+            values, vectors = np.linalg.eigh(inertia * scale * scale[:, None])
+            null = vectors[:, values <= max(1e-11, 10.0 * values[0])]
+            singular = np.asarray((np.abs(null) > 0.1).any(axis=1))
     return [
         model.names[joint]
         for joint in range(1, model.njoints)
         if singular[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]].any()
     ]
-
-
-def _nearly_null(inertia: Array) -> NDArray[np.bool_]:
-    """Return which velocities have a share in the null vectors of an inertia, or nearly so."""
-    diagonal = inertia.diagonal()
-    massless = diagonal <= 1e-14 * diagonal.max()  # they move no inertia
-    scale = np.where(massless, 0.0, 1.0 / np.sqrt(np.where(massless, 1.0, diagonal)))
-    scaled = inertia * scale * scale[:, None] + np.diag(2.0 * massless)
-    values, vectors = np.linalg.eigh(scaled)
-    null = vectors[:, values <= max(1e-11, 10.0 * values[0])]
-    return np.asarray(massless if massless.any() else (np.abs(null) > 0.1).any(axis=1))
 
 
 def facing_doubts(model: Any, contact_joint: int) -> tuple[str, ...]:

@@ -32,8 +32,24 @@ def kick_panel(
     """Return the panel of a kick, with lines of plain text and `more` rows of a result."""
     name = impact.posture.leg.name
     rows = [("leg", _name(name))] if name else []
-    rows += [*_impact_rows(impact), *_path_rows(path), *html_rows(more)]
-    title = f"Ball at {float(impact.ball_after.speed):.4g} m/s"
+    joint, size = impact.worst_joint
+    after = impact.ball_after
+    speed, spin = float(after.speed), float(np.linalg.norm(after.spin))
+    if spin < 1e-12 * speed / impact.ball.radius:  # rounding
+        spin = 0.0
+    of_ball = f"{np.linalg.norm(impact.impulse):.4g} N s"
+    rows += [
+        (f"impulse on ball {colour_key(marks.ARROW)}", of_ball),
+        (f"worst joint {colour_key(JOINT_ARROW)}", f"{size:.4g} N s at {_name(joint)}"),
+        ("effective mass", f"{impact.effective_mass:.4g} kg"),
+        ("foot speed", f"{np.linalg.norm(impact.foot_velocity):.4g} m/s"),
+        ("ball speed", f"{speed:.4g} m/s"),
+        ("ball / foot speed", f"{impact.speed_ratio:.4g}" if impact.foot_velocity.any() else ""),
+        ("launch angle", f"{round(math.degrees(float(after.elevation)), 1) + 0.0:.1f}°"),
+        ("spin", f"{spin:.4g} rad/s"),
+    ]
+    rows = [row for row in rows if row[1]] + [*_path_rows(path), *html_rows(more)]
+    title = f"Ball at {speed:.4g} m/s"
     return panel_of(title, rows, text, _joints(impact), warnings)
 
 
@@ -92,25 +108,6 @@ def _joints(impact: Impact) -> str:
     summary = f"{len(rows)} joints: angle, and impulse on the body below {key}"
     start = f"<details{' open' * (len(rows) <= 4)}><summary>{summary}</summary>"
     return f"{start}\n{_table(rows, short=16)}\n</details>\n"
-
-
-def _impact_rows(impact: Impact) -> list[Row]:
-    name, size = impact.worst_joint
-    after = impact.ball_after
-    speed, spin = float(after.speed), float(np.linalg.norm(after.spin))
-    if spin < 1e-12 * speed / impact.ball.radius:  # rounding
-        spin = 0.0
-    rows = [
-        (f"impulse on ball {colour_key(marks.ARROW)}", f"{np.linalg.norm(impact.impulse):.4g} N s"),
-        (f"worst joint {colour_key(JOINT_ARROW)}", f"{size:.4g} N s at {_name(name)}"),
-        ("effective mass", f"{impact.effective_mass:.4g} kg"),
-        ("foot speed", f"{np.linalg.norm(impact.foot_velocity):.4g} m/s"),
-        ("ball speed", f"{speed:.4g} m/s"),
-        ("ball / foot speed", f"{impact.speed_ratio:.4g}" if impact.foot_velocity.any() else ""),
-        ("launch angle", f"{round(math.degrees(float(after.elevation)), 1) + 0.0:.1f}°"),
-        ("spin", f"{spin:.4g} rad/s"),
-    ]
-    return [row for row in rows if row[1]]
 
 
 def _path_rows(path: BallPath) -> list[Row]:

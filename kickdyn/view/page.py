@@ -161,7 +161,16 @@ def page(
     if path is not None and not isinstance(subject, Impact):
         raise InvalidInput(f"path is given with a {type(subject).__name__}: it is for an Impact")
     if isinstance(subject, _LegAlone):
-        return _page_of_leg(subject, caption)
+        viewer = recording_viewer()
+        if isinstance(subject, Motion | RecordedMotion | MotionCheck):
+            motion = subject.motion if isinstance(subject, MotionCheck) else subject
+            robot = motion.robot if isinstance(motion, Motion) else motion.leg
+            panel, pace = draw_motion(viewer, subject, caption)
+            return Page(viewer, f"{robot.name or 'leg'}: motion", panel, pace)
+        posture = (
+            subject if isinstance(subject, Posture) else subject.posture(subject.configuration())
+        )
+        return Page(viewer, posture.leg.name or "leg", draw_posture(viewer, posture, caption))
     if not isinstance(subject, _MovingSubject):
         return _comparison(subject, caption)
     kick = _kick_of(subject, path, caption)
@@ -180,17 +189,6 @@ def page(
     name = impact.posture.leg.name or "leg"
     title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"
     return Page(viewer, title, panel, pace)
-
-
-def _page_of_leg(subject: _LegAlone, caption: str) -> Page:
-    viewer = recording_viewer()
-    if isinstance(subject, Motion | RecordedMotion | MotionCheck):
-        motion = subject.motion if isinstance(subject, MotionCheck) else subject
-        robot = motion.robot if isinstance(motion, Motion) else motion.leg
-        panel, pace = draw_motion(viewer, subject, caption)
-        return Page(viewer, f"{robot.name or 'leg'}: motion", panel, pace)
-    posture = subject if isinstance(subject, Posture) else subject.posture(subject.configuration())
-    return Page(viewer, posture.leg.name or "leg", draw_posture(viewer, posture, caption))
 
 
 class _Kick(NamedTuple):

@@ -257,7 +257,13 @@ class View:
                 if not is_news:
                     moves_version = self._moves_version
             if not is_news or shown is None:
-                yield ": still here\n\n" if moves is None else _moves_message(moves)
+                if moves is None:
+                    yield ": still here\n\n"
+                    continue
+                commands, parts = moves.viewer.window.commands, scene_parts(moves.scenes)
+                packed = [base64.b64encode(command).decode() for command in commands]
+                changed = {"moves": packed, "labels": parts.labels, "caption": parts.panels}
+                yield f"data: {json.dumps(changed)}\n\n"
                 continue
             moves_version = -1 if moves else self._moves_version  # next, what the scene lacks
             first_number = 1 + max(numbers.values(), default=-1)
@@ -285,16 +291,6 @@ class View:
             f'<iframe src="{self.url}" style="width: 100%; height: {FRAME_HEIGHT}px; border: 0">'
             "</iframe>"
         )
-
-
-def _moves_message(moves: Page) -> str:
-    parts, commands = scene_parts(moves.scenes), moves.viewer.window.commands
-    update = {
-        "moves": [base64.b64encode(packed).decode() for packed in commands],
-        "labels": parts.labels,
-        "caption": parts.panels,
-    }
-    return f"data: {json.dumps(update)}\n\n"
 
 
 _view: View | None = None

@@ -67,16 +67,11 @@ _ANSWERS = {
 
 
 class FunctionCost(NamedTuple):
-    """One function: its cost for a row, and its errors.
+    """One function: processor time of an answer, of many that of a row of a mixture, and errors.
 
-    Attributes:
-        function: its name.
-        seconds: processor time of one answer; of many, of one row of a mixture.
-        is_batch: whether that is one of `ROWS` rows or more in a batch.
-        rounding: relative error by rounding and integration; nan where it has none of its own.
-        model: relative distance from `collide` with a contact of 10 ms, by neglecting its time, and
-            of Pinocchio's function also friction; nan where it does not apply.
-        seconds_alike: processor time of a row if all are the same kick; nan for single answers.
+    `rounding` is the relative error by rounding and integration, `model` that by neglecting the
+    time of a contact of 10 ms, for Pinocchio also friction; nan where they do not apply.
+    `seconds_alike` is the time of a row if all are the same kick.
     """
 
     function: str

@@ -147,11 +147,16 @@ class LegOptions:
         A `whole` robot has all its joints and a floating base; `base` replaces the usual
         one.
         """
-        locked, supports, loops = (
-            self._read_locked(),
-            self._read_supports(),
-            list[tuple[str, str]](),
-        )
+        supports, loops, locked = self._read_supports(), list[tuple[str, str]](), dict[str, float]()
+        for text in self.locked:
+            name, _equals, value = text.rpartition("=")
+            try:
+                if not name or name in locked:
+                    raise ValueError
+                locked[name] = validation.number(name, float(value))
+            except ValueError:
+                once = ", once for each joint" if name in locked else " [deg; m]"
+                raise InvalidInput(f"--lock is {text!r}: it must be JOINT=VALUE{once}") from None
         for text in self.loops:
             first, _colon, second = text.partition(":")
             if not (first and second):
@@ -176,20 +181,6 @@ class LegOptions:
         leg = leg.with_base_velocity(self.base_velocity or zero, self.base_angular_velocity or zero)
         warn(leg.warnings)
         return leg
-
-    def _read_locked(self) -> dict[str, float]:
-        """Return the values of the locked joints by name [deg; m for prismatic joints]."""
-        locked: dict[str, float] = {}
-        for text in self.locked:
-            name, _equals, value = text.rpartition("=")
-            try:
-                if not name or name in locked:
-                    raise ValueError
-                locked[name] = validation.number(name, float(value))
-            except ValueError:
-                once = ", once for each joint" if name in locked else " [deg; m]"
-                raise InvalidInput(f"--lock is {text!r}: it must be JOINT=VALUE{once}") from None
-        return locked
 
     def _read_supports(self) -> list[Support]:
         supports = []

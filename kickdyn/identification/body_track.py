@@ -26,11 +26,8 @@ TRANSLATION = re.compile(r"_t[xyz](/value|/speed)?$", re.IGNORECASE)
 """End of the name of a coordinate that is a length."""
 
 
-class Up(StrEnum):
-    """Axis of a file that points up."""
-
-    Y = "y"
-    Z = "z"
+Up = StrEnum("Up", {"Y": "y", "Z": "z"})
+"""Axis of a file that points up."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

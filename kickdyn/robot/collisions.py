@@ -309,11 +309,8 @@ FAR = 0.01
 """Distance from the ball [m] from which on shapes for contacts do not stand for the foot."""
 
 
-class FootKind(StrEnum):
-    """What strikes the ball: the shapes of the foot, or a plate at the contact point."""
-
-    SHAPES = "shapes"
-    PLATE = "plate"
+FootKind = StrEnum("FootKind", {"SHAPES": "shapes", "PLATE": "plate"})
+"""What strikes the ball: the shapes of the foot, or a plate at the contact point."""
 
 
 class StrikingShape(NamedTuple):

@@ -116,19 +116,11 @@ class ConstraintBlock(NamedTuple):
 class Constraints:
     """The supports, loops, mimic joints and stiff joints of a leg, looked up in its model.
 
-    Attributes:
-        supports: as given.
-        loops: pairs of frames whose origins coincide.
-        gears: the mimic joints.
-        stiff_joints: indices in v of the stiff joints.
-        sizes: number of rows of each, in this order; 1 for a mimic joint or a stiff joint.
-        starts: first row of each, and the number of all rows, `size`, at the end.
-        loop_rows, gear_rows, stiff_rows: rows of loops, mimic joints and stiff joints in A.
-        names: what each of them is called in messages.
-
-    Raises:
-        InvalidInput: an unknown frame, one given twice, a support on the kicking limb or on the
-            base, or a loop between frames of one body.
+    Each has as many rows of A as its entry of `sizes`, 1 of a mimic or stiff joint, from its
+    entry of `starts` on; `size` is the number of all. `loop_rows`, `gear_rows` and `stiff_rows`
+    are slices of A, `stiff_joints` indices in v, `names` for messages. Raises `InvalidInput`
+    for an unknown frame, one given twice, a support on the kicking limb or on the base, or a
+    loop in one body.
     """
 
     def __init__(

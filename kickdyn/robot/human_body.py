@@ -40,19 +40,9 @@ from kickdyn.errors import InvalidInput
 from kickdyn.robot.catalog import SURFACES, TOE, normal_cone
 from kickdyn.robot.urdf_file import UrdfFile, build_model, read_urdf, shipped_urdf
 
-
-class Sex(StrEnum):
-    """Sex of the persons whose segments were measured."""
-
-    FEMALE = "female"
-    MALE = "male"
-
-
-class Tables(StrEnum):
-    """Published tables of segments."""
-
-    DE_LEVA = "de Leva"
-    DUMAS = "Dumas"
+Sex = StrEnum("Sex", {"FEMALE": "female", "MALE": "male"})
+Tables = StrEnum("Tables", {"DE_LEVA": "de Leva", "DUMAS": "Dumas"})
+"""Sex of the persons whose segments were measured, and published tables of segments."""
 
 
 class BodySegment(NamedTuple):
@@ -313,10 +303,17 @@ def human_leg(
             share * mass, mirror * end * height, mirror * centre * height, tensor
         )
     _set_size(root, sized, height)
-    for joint, strength in STRENGTH[kind].items():
+    for name, strength in STRENGTH[kind].items():
         torque = strength * mass * GRAVITY * height
-        _find(root, f"joint[@name='{joint}']/limit").set("effort", repr(torque))
-    _add_contact_points(root, medial)
+        _find(root, f"joint[@name='{name}']/limit").set("effort", repr(torque))
+    mesh = next(mesh for mesh in root.iter("mesh") if mesh.get("filename", "").endswith("boot.stl"))
+    stretch = _numbers(mesh.get("scale", "")) * (1.0, medial, 1.0)
+    for name, point in CONTACT_POINTS.items():
+        SubElement(root, "link", name=name)
+        joint = SubElement(root, "joint", name=f"{name}_fixed", type="fixed")
+        SubElement(joint, "parent", link="foot")
+        SubElement(joint, "child", link=name)
+        SubElement(joint, "origin", xyz=_text(stretch * point))
     if joints is HumanModel.SPATIAL:
         for name, (before, axis, degrees) in SPATIAL_JOINTS.items():
             _add_joint(root, name, before, _text(medial * np.array(axis)), degrees)
@@ -373,17 +370,6 @@ def _stretch_shapes(link: Element, stretch: tuple[float, ...]) -> None:
         is_pin = mesh.get("filename", "").endswith("pin.stl")
         by = np.full(3, stretch[1]) if is_pin else np.array(stretch)
         mesh.set("scale", _text(by * _numbers(mesh.get("scale", "1 1 1"))))
-
-
-def _add_contact_points(root: Element, medial: float) -> None:
-    mesh = next(mesh for mesh in root.iter("mesh") if mesh.get("filename", "").endswith("boot.stl"))
-    stretch = _numbers(mesh.get("scale", "")) * (1.0, medial, 1.0)
-    for name, point in CONTACT_POINTS.items():
-        SubElement(root, "link", name=name)
-        joint = SubElement(root, "joint", name=f"{name}_fixed", type="fixed")
-        SubElement(joint, "parent", link="foot")
-        SubElement(joint, "child", link=name)
-        SubElement(joint, "origin", xyz=_text(stretch * point))
 
 
 def _add_joint(

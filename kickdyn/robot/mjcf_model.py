@@ -102,7 +102,18 @@ class _Builder:
                     self._add_frame(element.name, body, seen.xpos, seen.xmat)
         self._set_limits()
         self.locked = expand_patterns(dict.fromkeys(locked, 0.0), sorted(self.taken))
-        self._check_one_base()
+        added = len(self.numbers) < self.model.njoints - 1  # a floating base
+        roots = [
+            str(self.model.names[joint])
+            for joint, theirs in self.numbers.items()
+            if added and not compiled.body_parentid[compiled.jnt_bodyid[theirs]]
+        ]
+        if moving := [name for name in roots if name not in self.locked]:
+            raise InvalidInput(
+                f"base is 'floating', but joints of the file ({', '.join(moving)}) move its root "
+                "body already, and are its base: read it with base='fixed' (in commands, without "
+                "--support), or lock them (locked=, --lock)"
+            )
         self.loops: list[tuple[str, str]] = []
         self.mimics: list[Mimic] = []
         self._add_constraints()
@@ -201,22 +212,6 @@ class _Builder:
         model.lowerPositionLimit, model.upperPositionLimit = lower, upper
         model.velocityLimit, model.effortLimit = np.full(model.nv, math.inf), effort
         model.armature = armature
-
-    def _check_one_base(self) -> None:
-        """Raise `InvalidInput` for a floating base whose body other joints of the file move."""
-        if len(self.numbers) == self.model.njoints - 1:
-            return  # no base was added
-        roots = [
-            str(self.model.names[joint])
-            for joint, theirs in self.numbers.items()
-            if not self.compiled.body_parentid[self.compiled.jnt_bodyid[theirs]]
-        ]
-        if moving := [name for name in roots if name not in self.locked]:
-            raise InvalidInput(
-                f"base is 'floating', but joints of the file ({', '.join(moving)}) move its root "
-                "body already, and are its base: read it with base='fixed' (in commands, without "
-                "--support), or lock them (locked=, --lock)"
-            )
 
     def _add_constraints(self) -> None:
         """Add loops and mimics; raise `InvalidInput` for others on joints that are not locked."""

@@ -372,15 +372,12 @@ def _surfaces(scene: Any, turn: Array) -> Iterator[Triangles]:
         raise ValueError(f"it has more than {MAX_VERTICES} vertices and triangles")
     for mesh in scene.dump():
         if isinstance(mesh, trimesh.Trimesh):  # others are lines, or points
-            yield Triangles(mesh.vertices @ turn.T, np.asarray(mesh.faces), _colour(mesh))
-
-
-def _colour(mesh: object) -> Array | None:
-    visual = getattr(mesh, "visual", None)
-    if visual is None or not visual.defined:
-        return None
-    source = visual.material if visual.kind == "texture" else visual
-    return np.asarray(source.main_color, dtype=float) / 255.0
+            look: Any = mesh.visual
+            colour = None
+            if look is not None and look.defined:
+                source = look.material if look.kind == "texture" else look
+                colour = np.asarray(source.main_color, dtype=float) / 255.0
+            yield Triangles(mesh.vertices @ turn.T, np.asarray(mesh.faces), colour)
 
 
 def _remove_pictures(root: ElementTree.Element) -> None:

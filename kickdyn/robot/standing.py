@@ -54,12 +54,9 @@ MOST_TILT = np.radians(30.0)
 class KickingChain:
     """The joints between a fixed base and the contact frame, and where the whole robot has them.
 
-    On a fixed base, an impact on the chain and its equations of motion are the same as of the whole
-    robot, whose other joints stay where `rest_configuration` has them.
-
-    Attributes:
-        leg: the chain alone, all other joints locked; the whole robot, if there are none.
-        qs, vs: indices of its joints in the robot's q and v.
+    An impact on the chain and its motion are those of the whole robot with other joints at
+    rest. `leg` is the chain with these locked; `qs` and `vs` are its indices in the robot's q
+    and v.
     """
 
     leg: Leg

@@ -124,12 +124,19 @@ def read_urdf(
     # Written anew, so that Pinocchio's parser reads exactly what was checked: by itself it keeps
     # line ends inside a name, for one.
     text = ElementTree.tostring(root, encoding="unicode")
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    mimics = tuple(  # with a driver that exists, which may mimic another one
+        Mimic(name, driver, float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0)))
+        for name, driver in _drivers(joints).items()
+        for mimic in joints[name].findall("mimic")
+        if driver in joints
+    )
     return UrdfFile(
         text,
         file.resolve().parent,
         source,
         package_dirs=folders,
-        mimics=read_mimics(root),
+        mimics=mimics,
         warnings=tuple(warnings),
     )
 
@@ -404,18 +411,6 @@ def _drivers(joints: dict[str, Element]) -> dict[str, str]:
         for name, joint in joints.items()
         if joint.get("type") != "fixed" and (mimic := joint.find("mimic")) is not None
     }
-
-
-def read_mimics(root: Element) -> tuple[Mimic, ...]:
-    """Return the mimic joints with a driver that exists, which may mimic another one."""
-    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
-    mimics = []
-    for name, driver in _drivers(joints).items():
-        (mimic,) = joints[name].findall("mimic")
-        if driver in joints:
-            line = float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))
-            mimics.append(Mimic(name, driver, *line))
-    return tuple(mimics)
 
 
 def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: list[str]) -> None:

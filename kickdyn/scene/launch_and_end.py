@@ -68,8 +68,9 @@ class EndSlopes(NamedTuple):
     def deviation(self, launch: Uncertainty) -> float:
         r"""Return the standard deviation of the end, to first order [m].
 
-        :math:`\sigma = \sqrt{\mathrm{tr}(A V A^T)} + \sqrt{\mathrm{tr}(B W B^T)}` with the slopes A
-        and B and the covariances V and W of velocity and spin, which depend on the same sources.
+        It is :math:`\sqrt{\mathrm{tr}(A V A^T)} + \sqrt{\mathrm{tr}(B W B^T)}` with these
+        slopes A, B and covariances V, W of velocity and spin, which depend on the same
+        sources.
         """
         if not np.isfinite(self.velocity).all():
             return math.inf

@@ -313,7 +313,16 @@ def _mesh(lowered: dict[str, Any]) -> Any:
             mesh = trimesh.creation.revolve(profile, sections=SEGMENTS)  # about z; three.js's is y
             mesh.apply_transform(Z_TO_Y)
         case _:
-            mesh = _triangles(geometry["data"])
+            data = geometry["data"]
+            attributes = {name: _array(packed) for name, packed in data["attributes"].items()}
+            vertices, faces = attributes["position"], _array(data["index"]).reshape(-1, 3)
+            colours = attributes.get("color")
+            if colours is not None:  # of the ground, the part that is no backdrop
+                size = np.abs(vertices).max(axis=1)
+                faces = faces[(size[faces] < 0.5 * size.max()).all(axis=1)]
+            mesh = trimesh.Trimesh(vertices, faces, vertex_colors=colours, process=False)
+            if colours is not None:
+                mesh.remove_unreferenced_vertices()
     rgb = int(material.get("color", 0xFFFFFF)).to_bytes(3)
     alpha = round(255 * float(material.get("opacity", 1.0)))
     if not material.get("vertexColors"):
@@ -324,20 +333,6 @@ def _mesh(lowered: dict[str, Any]) -> Any:
                 alphaMode="BLEND" if alpha < 255 else "OPAQUE", doubleSided=True,
             )
         )  # fmt: skip
-    return mesh
-
-
-def _triangles(data: dict[str, Any]) -> Any:
-    """Return a mesh of triangles; of the ground, the part that is no backdrop."""
-    attributes = {name: _array(packed) for name, packed in data["attributes"].items()}
-    vertices, faces = attributes["position"], _array(data["index"]).reshape(-1, 3)
-    colours = attributes.get("color")
-    if colours is None:
-        return trimesh.Trimesh(vertices, faces, process=False)
-    size = np.abs(vertices).max(axis=1)
-    faces = faces[(size[faces] < 0.5 * size.max()).all(axis=1)]
-    mesh = trimesh.Trimesh(vertices, faces, vertex_colors=colours, process=False)
-    mesh.remove_unreferenced_vertices()
     return mesh
 
 

@@ -97,22 +97,17 @@ class FileCheck(ReprMixin):
 
 
 class _Found:
-    """Collects what is seen in a file."""
-
     def __init__(self, path: str, folders: tuple[str, ...]) -> None:
         self.kind, self.path, self.folders = "", path, folders
         self.rows, self.problems, self.commands = list[Row](), list[str](), list[str]()
 
     def add(self, name: str, value: object, unit: str = "") -> None:
-        """Add a line."""
         self.rows.append((name, value, unit))
 
     def propose(self, *words: str) -> None:
-        """Add a command that comes next."""
         self.commands.append(shlex.join(["kickdyn", *words]))
 
     def name_fit(self, read: str, what: str) -> None:
-        """Add the call in Python that fits the motion of a leg."""
         call = f"kd.fit_motion(kd.BodyTrack.{read}({self.path!r}), leg, {what}={{...}})"
         self.add("in Python", f"{call} is the motion of a leg")
 
@@ -437,7 +432,6 @@ def _axis(name: str) -> str:
 
 
 def _add_times(found: _Found, what: str, times: Array) -> None:
-    """Add number, duration and rate of samples, and the times without any."""
     found.add(what, len(times))
     found.add("duration", float(times[-1] - times[0]), "s")
     if len(times) < 2:

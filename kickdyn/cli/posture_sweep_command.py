@@ -219,7 +219,6 @@ def _save_page(file: str, kick: Kick, lines: Iterable[ReportLine]) -> str | None
 
 @contextmanager
 def _progress_bar(size: int) -> Iterator[Progress | None]:
-    """Show a bar with time left, and compilations, on a terminal only."""
     if not sys.stderr.isatty():
         yield None
         return

@@ -309,7 +309,6 @@ def _centre(points: Array, radius: float) -> Array:
 
 
 def _with_z_up(positions: Array, up: Up) -> Array:
-    """Return positions in a frame with x as before and z up."""
     return positions if up is Up.Z else positions[..., [0, 2, 1]] * (1.0, -1.0, 1.0)
 
 

@@ -244,7 +244,6 @@ def check_angle(track: BodyTrack, name: str) -> None:
 
 
 def _place(leg: Leg, name: str, place: Place) -> Marker:
-    """Return the frame and the place of a marker, or raise `InvalidInput`."""
     try:
         frame, point = (place, (0.0, 0.0, 0.0)) if isinstance(place, str) else tuple(place)
     except (TypeError, ValueError):

@@ -143,7 +143,6 @@ class _Problem(NamedTuple):
 
     @property
     def length(self) -> float:
-        """Largest extent of the positions along an axis [m]."""
         return float(np.ptp(self.track.positions, axis=0).max())
 
     @property
@@ -156,7 +155,6 @@ class _Problem(NamedTuple):
 
     @property
     def spin_columns(self) -> slice:
-        """Places of the spin among the unknowns; none where it is 0."""
         return slice(len(LAUNCH), len(self.names) - len(self.air_names))
 
     def spin_rows(self, spread: float) -> Array:
@@ -236,7 +234,6 @@ def flight_axes(velocity: Array) -> Array:
 
 
 def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
-    """Return the unknowns of a fit, without repetitions, in the order of `Free`."""
     names = [free] if isinstance(free, str) else free
     chosen = {validation.choice("free", name, Free) for name in names}
     if {Free.DRAG, Free.DRAG_SCALE} <= chosen:

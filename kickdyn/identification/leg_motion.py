@@ -419,7 +419,6 @@ class LegMotion(ReprMixin):
 
     @cached_property
     def _pieces(self) -> list[SmoothingSpline]:
-        """Splines of the frames before and after the contact, those with enough frames."""
         contact = math.inf if self.contact is None else self.contact.time
         sides = (
             (self.times < contact, 0.0 if self.contact is None else GROWTH),

@@ -252,7 +252,6 @@ class _Piece(NamedTuple):
 
     @property
     def fall(self) -> float:
-        """Downward acceleration in the middle [m/s2]."""
         return -float(self.derivative(self.middle, 2)[2])
 
     def derivative(self, times: float | Array, order: int) -> Array:

@@ -413,7 +413,6 @@ def _is_open(gaps: Array) -> bool:
 
 
 def _check_stance(model: Any, name: str, joint: int, contact_joint: int) -> None:
-    """Raise `InvalidInput` for a support that is on the base or on the kicking limb."""
     if joint == 0:
         raise InvalidInput(f"support {name} is fixed to the base: it stands already")
     # a floating base is on every path, and no limb

@@ -334,7 +334,6 @@ def human_leg(
 
 
 def _set_size(root: Element, sized: Mapping[str, BodySegment], height: float) -> None:
-    """Give thigh, shank and foot of the template the size of segments."""
     thickness = height / TEMPLATE_HEIGHT
     ends = {"thigh": "knee", "shank": "ankle", "foot": "toe_fixed"}
     for link, distal in ends.items():

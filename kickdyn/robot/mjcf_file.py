@@ -209,7 +209,6 @@ def read_mjcf(
 
 
 def _checked_file(file: Path, source: str, folders: Iterable[Path]) -> MjcfFile:
-    """Return the checked document; faults are raised as `ValueError`."""
     root, folder = read_xml(file, source, MjcfError), file.resolve().parent
     if root.tag == "robot":
         raise ValueError("is a URDF, its root is <robot>: Leg.from_urdf reads it")

@@ -183,7 +183,6 @@ class PackageFiles:
         return present[0]
 
     def _places(self, package: str) -> list[Path]:
-        """Return the folders where a package of a name would be, in the order of the search."""
         if package in ("", ".", ".."):
             return []
 
@@ -363,7 +362,6 @@ def read_mesh(files: PackageFiles, filename: str, scale: ArrayLike = 1.0) -> lis
 
 
 def _surfaces(scene: Any, turn: Array) -> Iterator[Triangles]:
-    """Yield the surfaces at their positions in the scene, turned and scaled by `turn`."""
     import trimesh
 
     meshes = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]

@@ -303,7 +303,6 @@ def _is_impossible(link: Element) -> bool:
 
 
 def _named(root: Element, tag: str, faults: list[str]) -> dict[str, Element]:
-    """Return elements by name; names that are wrong or used twice are faults."""
     elements = [(_name(element, tag, faults), element) for element in root.findall(tag)]
     for name, times in Counter(name for name, _ in elements if name).items():
         if times > 1:
@@ -374,7 +373,6 @@ def _number(text: str) -> float:
 def _check_mimics(
     judged: dict[str, Element], joints: dict[str, Element], faults: list[str]
 ) -> None:
-    """Check that the judged joints mimic others that move, and no two of them each other."""
     drivers = _drivers(joints)
     for name, driver in drivers.items():
         if name not in judged:

@@ -180,7 +180,6 @@ class _Draws:
 
 
 def _changed(contact: ContactRows, changes: dict[str, Array]) -> ContactRows:
-    """Return a contact with changed restitution, friction and normal."""
     n = len(next(iter(changes.values())))
     restitution, friction = contact.restitution * np.ones(n), contact.friction * np.ones(n)
     if "restitution" in changes:

@@ -111,7 +111,6 @@ def _joints(impact: Impact) -> str:
 
 
 def _path_rows(path: BallPath) -> list[Row]:
-    """Return the numbers of a flight, or of a course along the ground, and how it is computed."""
     if isinstance(path, Course):
         methods = "; ".join(dict.fromkeys(flight.method for flight in path.flights))
         return [

@@ -337,7 +337,6 @@ def _mesh(lowered: dict[str, Any]) -> Any:
 
 
 def _array(packed: dict[str, Any]) -> Any:
-    """Return an array as meshcat has packed it, a row for each vertex or face."""
     extension = packed["array"]
     # types of meshcat's packed arrays, by the code of their extension
     numbers = np.frombuffer(extension.data, {0x16: np.uint32, 0x17: np.float32}[extension.type])

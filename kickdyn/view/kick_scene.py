@@ -175,7 +175,6 @@ def draw_kick(
 
 
 def _draw_arrival(viewer: Any, curve: Array, width: Any, wait: float) -> None:
-    """Draw the path of a ball to the impact, and the time for which it was seen [s]."""
     sideways = np.cross(marks.level_direction(curve[-1] - curve[0]), marks.UP_AXIS)
     marks.draw_curve(viewer["arrival"], curve, width, sideways, marks.ARRIVAL)
     draw_label(viewer["meeting"], f"met after {wait:.3g} s", curve[-1], f"#{marks.ARRIVAL:06x}")

@@ -221,7 +221,6 @@ def _sticks(leg: Leg, drawn: set[int]) -> Iterator[BodyShape]:
 
 
 def _corners(shape: Any) -> Array:
-    """Return the corners of the box around a shape, along its own axes, `(8, 3)` [m]."""
     middle = np.zeros(3)
     if isinstance(shape, shapes.TriangularMeshGeometry):
         low, high = np.min(shape.vertices, axis=0), np.max(shape.vertices, axis=0)

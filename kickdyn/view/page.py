@@ -206,7 +206,6 @@ class _Kick(NamedTuple):
 
 
 def _kick_of(subject: _MovingSubject, path: BallPath | None, caption: str) -> _Kick:
-    """Return the kick that a subject has; a path is given with an `Impact` only."""
     match subject:
         case Impact():
             flown = fly(subject.ball_after, subject.ball, Air()) if path is None else path
@@ -230,7 +229,6 @@ def _kick_of(subject: _MovingSubject, path: BallPath | None, caption: str) -> _K
 
 
 def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
-    """Return the kick of a scene, with its wall or goal if it is in sight."""
     impact, path, scene = simulation.impact, simulation.path, simulation.scene
     if not isinstance(impact, Impact):
         raise InvalidInput(
@@ -370,7 +368,6 @@ def draw_motion(
 
 
 def _draw(viewer: Any, leg: Leg, configurations: Sequence[Array]) -> None:
-    """Draw a leg at the first of some configurations, with a ground under all of them."""
     corners = draw_leg(viewer["leg"], leg, configurations[0])
     joints = np.vstack([
         [pose[:3, 3] for pose in joint_poses(leg, q)[1:]] for q in configurations[::8]

@@ -244,7 +244,6 @@ class View:
             self._changed.notify_all()
 
     def _messages(self) -> Iterator[str]:
-        """Yield the messages to a browser, from the present scene on until the view is closed."""
         numbers: dict[bytes, int] = {}  # of the commands that the browser has
         version = moves_version = 0
         while self._open:

@@ -40,23 +40,11 @@ SMOOTHED, SMOOTHED_FRACTION = 0.1, 0.1
 flight that is left out at most at either end."""
 
 
-class SegmentKind(StrEnum):
-    """What the ball does in a part of a track."""
+SegmentKind = StrEnum("SegmentKind", ["FLIGHT", "ROLLING", "REST", "OTHER"])
+"""What the ball does in a part of a track."""
 
-    FLIGHT = "flight"
-    ROLLING = "rolling"
-    REST = "rest"
-    OTHER = "other"
-
-
-class CutReason(StrEnum):
-    """Why a part of a track begins where it does."""
-
-    START = "start"
-    BOUNCE = "bounce"
-    TOUCH = "touch"
-    LANDING = "landing"
-    GAP = "gap"
+CutReason = StrEnum("CutReason", ["START", "BOUNCE", "TOUCH", "LANDING", "GAP"])
+"""Why a part of a track begins where it does."""
 
 
 ON_GROUND = (SegmentKind.ROLLING, SegmentKind.REST)

@@ -55,15 +55,13 @@ class Support(ValueEquality):
 
     def __post_init__(self) -> None:
         validation.check_type(str, frame=self.frame)
-        object.__setattr__(self, "point", validation.flag(f"point of {self.frame}", self.point))
+        vars(self).update(point=validation.flag(f"point of {self.frame}", self.point))
         if self.friction is not None:
             friction = validation.number(f"friction under {self.frame}", self.friction, at_least=0)
-            object.__setattr__(self, "friction", friction)
-        if self.sole is not None:
-            object.__setattr__(self, "sole", self._checked_sole(self.sole))
-
-    def _checked_sole(self, sole: Array) -> Array:
-        corners = validation.floats(f"sole of {self.frame}", sole, unit="m")
+            vars(self).update(friction=friction)
+        if self.sole is None:
+            return
+        corners = validation.floats(f"sole of {self.frame}", self.sole, unit="m")
         if self.point or corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 3:
             raise InvalidInput(
                 f"sole of {self.frame} has shape {corners.shape}: it must be (k, 3), the corners "
@@ -73,7 +71,7 @@ class Support(ValueEquality):
         if not extent[1] > 1e-6 * extent[0]:  # least width of a sole, as a fraction of its length
             raise InvalidInput(f"sole of {self.frame} is a line: its corners must span an area")
         corners.setflags(write=False)
-        return corners
+        vars(self).update(sole=corners)
 
     @property
     def size(self) -> int:

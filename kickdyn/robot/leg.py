@@ -629,11 +629,11 @@ class Posture(ReprMixin):
         drive is a free one with its rotor; far above, a stiff one.
         """
         time = validation.number("contact time", contact_time, at_least=0, unit="s")
-        numbers = {}
-        for joint, drive in self.leg.compliant_drives.items():
-            inertia = self.inertia.diagonal()[self.leg.velocity_index(joint)]
-            numbers[joint] = time * math.sqrt(drive.stiffness / inertia)
-        return numbers
+        inertias, index = self.inertia.diagonal(), self.leg.velocity_index
+        return {
+            joint: time * math.sqrt(drive.stiffness / inertias[index(joint)])
+            for joint, drive in self.leg.compliant_drives.items()
+        }
 
     @property
     def transport_velocity(self) -> Array:

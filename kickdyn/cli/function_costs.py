@@ -164,10 +164,10 @@ def _impacts() -> Iterator[MeasuredFunction]:
     exact, compliant = EXACT[FRICTION], collide(impact.posture, v, ball, contact, tol=1e-12).impulse
     model = _gap(impact.impulse, compliant)
 
-    def joint_impulses() -> Array:
-        return strike(leg.posture(q), v, ball, contact).joint_impulses
-
-    yield MeasuredFunction("strike", joint_impulses, 1, lambda: _gap(impact.impulse, exact), model)
+    yield MeasuredFunction(
+        "strike", lambda: strike(leg.posture(q), v, ball, contact).joint_impulses, 1,
+        lambda: _gap(impact.impulse, exact), model,
+    )  # fmt: skip
     alone, of_smooth = impulse_dynamics(smooth), _gap(smooth.impulse, compliant)
     name = "pin.impulseDynamics, bare"
     yield MeasuredFunction(name, alone, 1, lambda: _gap(alone(), EXACT[0.0]), of_smooth)
@@ -235,10 +235,10 @@ def _flights() -> Iterator[MeasuredFunction]:
     calm, reference = scene.replace(uncertainty={}), simulate(scene, None)
     length = reference.end.position - launch.position
 
-    def of_simulation() -> float:
-        return _gap(simulate(calm).end.position - launch.position, length)
-
-    yield MeasuredFunction("simulate", lambda: simulate(calm), 1, of_simulation)
+    yield MeasuredFunction(
+        "simulate", lambda: simulate(calm), 1,
+        lambda: _gap(simulate(calm).end.position - launch.position, length),
+    )  # fmt: skip
     yield MeasuredFunction(
         "simulate_many", lambda: simulate_many(scene, ROWS), ROWS, lambda: math.nan
     )

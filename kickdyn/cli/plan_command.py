@@ -346,7 +346,12 @@ def plan(
             click.echo(f"\n{result}")
     output.save_plot(planned.plot)
     if output.view is not None:
-        output.save_page(run or planned, caption=" ".join(sentences), scenery=_scenery(report))
+        from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes  # imports meshcat
+
+        foot = planned.path.launch.position - np.array([0.0, 0.0, planned.impact.ball.radius])
+        boxes = [] if wall is None else wall_boxes(foot, planned.aim.ahead, *astuple(wall))
+        boxes += goal_boxes(foot, float(planned.aim.target[0])) if goal.goal_mouth else []
+        output.save_page(run or planned, caption=" ".join(sentences), scenery=boxes)
     output.name_written(output.plot, output.view, output.out)
 
 
@@ -366,12 +371,3 @@ def _carry_out(
             options: Any = {"tuning": run.tuning, "progress": show, "foot": foot}
             noisy = run_with_noise(planned, output.noisy_runs, **options)
     return planned, run, noisy
-
-
-def _scenery(report: PlanReport) -> list[Any]:
-    from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes  # imports meshcat
-
-    plan = report.plan
-    foot = plan.path.launch.position - np.array([0.0, 0.0, plan.impact.ball.radius])
-    boxes = [] if report.wall is None else wall_boxes(foot, plan.aim.ahead, *astuple(report.wall))
-    return boxes + (goal_boxes(foot, float(plan.aim.target[0])) if report.goal_mouth else [])

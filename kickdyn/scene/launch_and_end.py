@@ -82,13 +82,13 @@ class EndSlopes(NamedTuple):
 def strike_scene(scene: Scene, **changes: Any) -> Impact:
     """Return the instantaneous impact of a scene, by `newton` if its contact takes time."""
     law = "newton" if scene.is_compliant else scene.law
-    return strike(**{**scene.impact_arguments, "law": law, **changes})
+    return strike(**{**scene._impact_arguments, "law": law, **changes})
 
 
 def collide_scene(scene: Scene, tol: float) -> Collision:
     """Return the impact of a scene whose contact takes time, to a relative tolerance."""
     assert isinstance(scene.law, Compliance)
-    return collide(**scene.impact_arguments, **scene.law.options, tol=tol)
+    return collide(**scene._impact_arguments, **scene.law.options, tol=tol)
 
 
 def fly_scene(scene: Scene, launch: BallState, tol: float = SMALLEST_TOLERANCE) -> Flight | Course:

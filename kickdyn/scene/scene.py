@@ -336,7 +336,7 @@ class Scene(ReprMixin):
         return self.replace(law="newton")
 
     @property
-    def impact_arguments(self) -> dict[str, Any]:
+    def _impact_arguments(self) -> dict[str, Any]:
         """The bodies and the contact, as keyword arguments of `strike` and `collide`."""
         ball = {"ball_velocity": self.incoming.velocity, "ball_spin": self.incoming.spin}
         return {name: getattr(self, name) for name in ("posture", "v", "ball", "contact")} | ball

@@ -27,7 +27,7 @@ from .identification.fit_motion import fit_motion as fit_motion
 from .identification.identify import identify as identify
 from .identification.infer_impact import fit_restitution as fit_restitution
 from .identification.infer_impact import infer_impact as infer_impact
-from .identification.kick_table import kick_table as kick_table
+from .identification.infer_impact import kick_table as kick_table
 from .identification.learner import Learner as Learner
 from .identification.segments import segments as segments
 from .identification.track import Track as Track

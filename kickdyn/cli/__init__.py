@@ -1,4 +1,4 @@
 """The command lines: they parse options, call the packages below, and print or write the answer.
 
-Open `commands.py` first, the table of all; `command.py` says how each of them ends.
+Open `commands.py` first, the table of all, which says how each of them ends.
 """

@@ -17,7 +17,6 @@ from kickdyn.cli.option_groups import (
 )
 from kickdyn.errors import InvalidInput, shortened
 from kickdyn.motion.check_motion import check_motion as check_recorded
-from kickdyn.motion.motion_record import WINDOW
 from kickdyn.motion.read_motion import BREADTH_FIRST, OF_MODEL, read_motion
 
 
@@ -68,17 +67,9 @@ class RecordingOptions:
         "--impact-at", metavar="T",
         help="Time of an impact in the motion [s], across which nothing is smoothed.",
     )  # fmt: skip
-    window: int = option(
-        "--window", type=int, default=WINDOW,
-        help="Frames through which polynomials are fitted, for velocities; 5 do not smooth.",
-    )  # fmt: skip
     ground: float | None = option(
         "--ground",
         help="Height of the ground [m].  [default: 0; on a fixed base, as low as the foot]",
-    )  # fmt: skip
-    ground_friction: float | None = option(
-        "--ground-friction",
-        help="Coefficient of friction of ground and soles.  [default: that of --support, or 0.7]",
     )  # fmt: skip
 
 
@@ -106,12 +97,11 @@ def check_motion(
         motion = read_motion(
             file, robot, rate=recording.rate, contact=recording.impact_at,
             joints=joints.split(",") if joints and "," in joints else joints,
-            window=recording.window, quaternion=recording.quaternion,
+            quaternion=recording.quaternion,
         )  # fmt: skip
         show("striking balls")
         found = check_recorded(
-            motion, robot, struck, contact.contact(), ground=recording.ground,
-            ground_friction=recording.ground_friction,
+            motion, robot, struck, contact.contact(), ground=recording.ground
         )  # fmt: skip
     output.write_json(found.to_json())
     output.print_rows(motion, found)

@@ -51,9 +51,6 @@ from kickdyn.scene.toml_reader import load_scene
 AXES = {"x": (1.0, 0.0), "y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}
 """Horizontal axes that a robot may face, as for `Leg.from_urdf`, and their directions."""
 
-LEVEL = 0.05
-"""Share of a robot's height by which its feet may differ in height while all joints are at 0."""
-
 FRICTION = 0.7
 """Coefficient of friction under the supporting foot of the commands."""
 
@@ -66,16 +63,9 @@ SWEPT = 40.0
 GAP = 1.5
 """Time between samples, as a multiple of the median, that is a gap."""
 
-NO_COORDINATE = re.compile("force|torque|moment|_[pv][xyz]$", re.IGNORECASE)
-"""Names of columns of MOT files that are neither angles nor translations."""
-
-LONGEST_HEADER = 10_000
-"""Characters of the first row of a ball track that are read for its columns."""
-
 NO_AXES = {
     "ball", "pos", "position", "centre", "center", "m", "s", "sec", "mm", "cm", "ms", "ft", "in",
 }  # fmt: skip
-"""Words in the names of columns that do not say which axis it is."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,22 +97,17 @@ class FileCheck(ReprMixin):
 
 
 class _Found:
-    """Collects what is seen in a file."""
-
     def __init__(self, path: str, folders: tuple[str, ...]) -> None:
         self.kind, self.path, self.folders = "", path, folders
         self.rows, self.problems, self.commands = list[Row](), list[str](), list[str]()
 
     def add(self, name: str, value: object, unit: str = "") -> None:
-        """Add a line."""
         self.rows.append((name, value, unit))
 
     def propose(self, *words: str) -> None:
-        """Add a command that comes next."""
         self.commands.append(shlex.join(["kickdyn", *words]))
 
     def name_fit(self, read: str, what: str) -> None:
-        """Add the call in Python that fits the motion of a leg."""
         call = f"kd.fit_motion(kd.BodyTrack.{read}({self.path!r}), leg, {what}={{...}})"
         self.add("in Python", f"{call} is the motion of a leg")
 
@@ -169,7 +154,8 @@ def _check_robot(found: _Found) -> None:
     pin.forwardKinematics(model, data, pin.neutral(model))
     places = np.array([placement.translation for placement in data.oMi])
     ends = sorted(set(range(1, model.njoints)) - set(model.parents))
-    highest = min(places[end, 2] for end in ends) + LEVEL * np.ptp(places[1:, 2])
+    # share of the robot's height by which its feet may differ in height while all joints are at 0
+    highest = min(places[end, 2] for end in ends) + 0.05 * np.ptp(places[1:, 2])
     feet = {_foot_name(file, model, end): end for end in ends if places[end, 2] <= highest}
     seen = Leg(model, next(iter(feet)), file)
     found.add("robot", seen.name)
@@ -221,9 +207,10 @@ def _check_robot(found: _Found) -> None:
             found.add("stands on", other)
             support = support or ["--support", f"{other}:{FRICTION}"]
     swept, page = _swept(leg), ["--view", "kick.html"]
+    limb = {leg.joint_names[joint - 1] for joint in leg.model.supports[leg.contact_joint] if joint}
     if loops or leg.loops:
         found.add("note", "kicks are planned for legs without loops only")
-    elif mimics := [m for m in leg.mimics if {m.joint, m.driver} & _limb(leg)]:
+    elif mimics := [m for m in leg.mimics if {m.joint, m.driver} & limb]:
         remedy = f"--lock {mimics[0].driver}=VALUE locks {mimics[0].joint} too"
         found.add("note", f"kicks are planned without mimic joints in the kicking limb: {remedy}")
     else:
@@ -231,11 +218,6 @@ def _check_robot(found: _Found) -> None:
         found.propose("reach", *options, *support, "--elevation", "20", "--tolerance", "0.2")
     if swept:
         found.propose("posture-sweep", *options, *swept, *page)
-
-
-def _limb(leg: Leg) -> set[str]:
-    """Return the names of the joints that move the contact frame."""
-    return {leg.joint_names[joint - 1] for joint in leg.model.supports[leg.contact_joint] if joint}
 
 
 def _read_robot(found: _Found) -> tuple[RobotFile, Any]:
@@ -399,7 +381,7 @@ def _check_angles(found: _Found) -> None:
     _add_times(found, "rows", track.times)
     for name, values in track.angles.items():
         known = values[np.isfinite(values)]
-        if known.size and NO_COORDINATE.search(name):
+        if known.size and re.search("force|torque|moment|_[pv][xyz]$", name, re.IGNORECASE):
             found.add(f"column {name}", np.array([known.min(), known.max()]))
         elif known.size:
             ends = np.array([known.min(), known.max()])
@@ -417,7 +399,7 @@ def _check_angles(found: _Found) -> None:
 
 def _check_ball(found: _Found) -> None:
     with Path(found.path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        lines = [file.readline(LONGEST_HEADER).lstrip("#% ") for _ in range(MOST_TITLES)]
+        lines = [file.readline(10_000).lstrip("#% ") for _ in range(MOST_TITLES)]
     columns = list[str]()
     for header in (cells_of(line, separator) for line in lines for separator in SEPARATORS):
         guessed = [[name for name in header if _axis(name) == axis] for axis in "txyz"]
@@ -450,7 +432,6 @@ def _axis(name: str) -> str:
 
 
 def _add_times(found: _Found, what: str, times: Array) -> None:
-    """Add number, duration and rate of samples, and the times without any."""
     found.add(what, len(times))
     found.add("duration", float(times[-1] - times[0]), "s")
     if len(times) < 2:

@@ -58,10 +58,7 @@ def check_page_name(page: str) -> None:
 
 @contextmanager
 def busy(activity: str) -> Iterator[Callable[[str], None]]:
-    """Show on standard error, while it is a terminal, the progress of a command.
-
-    It yields a function that replaces the activity shown, such as "planning the swing".
-    """
+    """Show progress on a terminal; yields a function that replaces the activity shown."""
     from rich.console import Console  # takes a tenth of a second to import
 
     with Console(stderr=True).status(activity) as status:
@@ -129,7 +126,6 @@ def _end_output() -> None:
 
 
 def _fail(name: str, code: int, *faults: str) -> NoReturn:
-    """Exit with a code, after a line on standard error for each fault."""
     for fault in faults:
         print(f"{name}: {printable(without_long_words(' '.join(fault.split())))}", file=sys.stderr)
     sys.exit(code)

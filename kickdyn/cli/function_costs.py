@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,16 +67,11 @@ _ANSWERS = {
 
 
 class FunctionCost(NamedTuple):
-    """One function: its cost for a row, and its errors.
+    """One function: processor time of an answer, of many that of a row of a mixture, and errors.
 
-    Attributes:
-        function: its name.
-        seconds: processor time of one answer; of many, of one row of a mixture.
-        is_batch: whether that is one of `ROWS` rows or more in a batch.
-        rounding: relative error by rounding and integration; nan where it has none of its own.
-        model: relative distance from `collide` with a contact of 10 ms, by neglecting its time, and
-            of Pinocchio's function also friction; nan where it does not apply.
-        seconds_alike: processor time of a row if all are the same kick; nan for single answers.
+    `rounding` is the relative error by rounding and integration, `model` that by neglecting the
+    time of a contact of 10 ms, for Pinocchio also friction; nan where they do not apply.
+    `seconds_alike` is the time of a row if all are the same kick.
     """
 
     function: str
@@ -112,7 +108,7 @@ def measure_functions(report: Callable[[str], None] = lambda _: None) -> list[Fu
     for code in (strike_kernel.KERNEL, COLLIDE, MARCH, sweep_kernel.KERNEL, EVALUATE):
         code.pays(math.inf)
     rows = []
-    for name, run, count, rounding, model, alike in functions():
+    for name, run, count, rounding, model, alike in chain(_impacts(), _flights()):
         report(name)
         seconds, of_alike = (_seconds(call) / count if call else math.nan for call in (run, alike))
         rows.append(FunctionCost(name, seconds, count > 1, rounding(), model, of_alike))
@@ -139,11 +135,7 @@ def _gap(answer: Any, exact: Any) -> float:
 
 
 class MeasuredFunction(NamedTuple):
-    """A function that is measured: its call, for a number of rows, of a batch a mixture of them.
-
-    `rounding` returns the relative error by rounding and integration, `model` is that of the model;
-    `run_alike` is the call of a batch whose rows are all the same kick.
-    """
+    """A function to measure: its call for a number of rows, errors, and a call for equal rows."""
 
     name: str
     run: Callable[[], object]
@@ -154,11 +146,7 @@ class MeasuredFunction(NamedTuple):
 
 
 def mixture(q: Array, v: Array) -> tuple[Array, Array]:
-    """Return q and v of `ROWS` strikes: a third each stick, slip and miss; the last row is given.
-
-    The joint velocities are drawn from a normal distribution; of the draws, as many of each kind
-    are taken.
-    """
+    """Return q and v of `ROWS` random strikes: a third each stick, slip and miss, then (q, v)."""
     draw, third, leg = np.random.default_rng(0), ROWS // 3, Leg.human()
     drawn = draw.normal(0.0, math.hypot(*v) / math.sqrt(len(v)), (10 * ROWS, len(v)))
     contact = Contact((math.cos(ATTACK), 0.0, math.sin(ATTACK)), 0.8, FRICTION)
@@ -169,12 +157,6 @@ def mixture(q: Array, v: Array) -> tuple[Array, Array]:
     return np.tile(q, (ROWS, 1)), rows
 
 
-def functions() -> Iterator[MeasuredFunction]:
-    """Yield every function that is measured."""
-    yield from _impacts()
-    yield from _flights()
-
-
 def _impacts() -> Iterator[MeasuredFunction]:
     impact, smooth = kick(FRICTION), kick(0.0)
     leg, ball, contact = impact.posture.leg, impact.ball, impact.contact
@@ -182,10 +164,10 @@ def _impacts() -> Iterator[MeasuredFunction]:
     exact, compliant = EXACT[FRICTION], collide(impact.posture, v, ball, contact, tol=1e-12).impulse
     model = _gap(impact.impulse, compliant)
 
-    def joint_impulses() -> Array:
-        return strike(leg.posture(q), v, ball, contact).joint_impulses
-
-    yield MeasuredFunction("strike", joint_impulses, 1, lambda: _gap(impact.impulse, exact), model)
+    yield MeasuredFunction(
+        "strike", lambda: strike(leg.posture(q), v, ball, contact).joint_impulses, 1,
+        lambda: _gap(impact.impulse, exact), model,
+    )  # fmt: skip
     alone, of_smooth = impulse_dynamics(smooth), _gap(smooth.impulse, compliant)
     name = "pin.impulseDynamics, bare"
     yield MeasuredFunction(name, alone, 1, lambda: _gap(alone(), EXACT[0.0]), of_smooth)
@@ -234,10 +216,8 @@ def _flights() -> Iterator[MeasuredFunction]:
     spin = draw.normal(0, 30, (ROWS, 3))
     velocity[-1], spin[-1] = launch.velocity, launch.spin
     mixed = BallState(launch.position, velocity, spin)
-    single: Any
-    batch: Any
-    for single, batch, ends in ((fly, fly_many, "landing_position"),
-                                (follow, follow_many, "position")):  # fmt: skip
+    pairs: Any = (fly, fly_many, "landing_position"), (follow, follow_many, "position")
+    for single, batch, ends in pairs:
         one, many = partial(single, launch, ball, air), partial(batch, mixed, ball, air)
         exact = end_of(one(tol=1e-13)).position - launch.position
 
@@ -255,21 +235,17 @@ def _flights() -> Iterator[MeasuredFunction]:
     calm, reference = scene.replace(uncertainty={}), simulate(scene, None)
     length = reference.end.position - launch.position
 
-    def of_simulation() -> float:
-        return _gap(simulate(calm).end.position - launch.position, length)
-
-    yield MeasuredFunction("simulate", lambda: simulate(calm), 1, of_simulation)
+    yield MeasuredFunction(
+        "simulate", lambda: simulate(calm), 1,
+        lambda: _gap(simulate(calm).end.position - launch.position, length),
+    )  # fmt: skip
     yield MeasuredFunction(
         "simulate_many", lambda: simulate_many(scene, ROWS), ROWS, lambda: math.nan
     )
 
 
 def on_front(rows: Sequence[FunctionCost], kind: str) -> set[str]:
-    """Return the functions for which no other is at least as exact, and faster.
-
-    They are compared with what computes the same, one by one or in a batch, by their error `kind`,
-    `"model"` or `"rounding"`.
-    """
+    """Return functions faster than all that compute the same as exactly, by error `kind`."""
     front = set()
     for row in rows:
         error = getattr(row, kind)
@@ -286,10 +262,7 @@ def on_front(rows: Sequence[FunctionCost], kind: str) -> set[str]:
 
 @styled()
 def cost_figure(rows: Sequence[FunctionCost]) -> Figure:
-    """Return error against cost in two panels, of model and rounding; squares are batches.
-
-    Names of functions that are not `on_front` are grey.
-    """
+    """Return error against cost, of model and of rounding; slower functions have grey names."""
     figure = Figure(figsize=(11.0, 4.2))
     panels: Any = figure.subplots(1, 2)
     for axes, title, kind in zip(

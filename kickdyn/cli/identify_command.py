@@ -1,7 +1,7 @@
 """The command `kickdyn identify`: flights in a measured track, and coefficients of the air."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import click
 import numpy as np
@@ -21,8 +21,7 @@ from kickdyn.identification.identification_result import (
     with_deviation,
 )
 from kickdyn.identification.identify import identify as identify_flight
-from kickdyn.identification.segments import segments
-from kickdyn.identification.segments_result import COEFFICIENTS, SMOOTHED, SegmentKind, Segments
+from kickdyn.identification.segments import COEFFICIENTS, SMOOTHED, SegmentKind, Segments, segments
 from kickdyn.identification.track import Track
 
 SHORTEST = 0.4
@@ -55,12 +54,8 @@ class MeasurementOptions:
         return Track.from_csv(file, [name.strip() for name in self.columns.split(",")])
 
 
-class FittedFlight(NamedTuple):
-    """A flight that was fitted: its samples `first` to `last`, and the result."""
-
-    first: int
-    last: int
-    result: Identification
+Fit = tuple[int, int, Identification]
+"""A flight that was fitted: its first sample, the one after its last, and the result."""
 
 
 @command("identify")
@@ -111,15 +106,14 @@ def identify(
                 f"--start {ranges[0][0]} --end {ranges[0][1]}: they must be from 0 to "
                 f"{len(track)}, the first less than the second"
             )
-    fits: list[FittedFlight] = []
-    failures: list[str] = []
+    fits, failures = list[Fit](), list[str]()
     with busy("fitting flights") as show:
         for number, (first, last) in enumerate(ranges, start=1):
             show(f"fitting flight {number} of {len(ranges)}")
             try:
                 part = track[first:last]
                 result = identify_flight(part, struck_ball, air, free=["spin", *fitted])
-                fits.append(FittedFlight(first, last, result))
+                fits.append((first, last, result))
             except KickdynError as error:
                 if split is None:
                     raise
@@ -127,9 +121,9 @@ def identify(
     output.write_json(_document(split, fits, failures))
     if output.prints:
         _print(split, fits, failures)
-    longest_first = sorted(fits, key=lambda fit: -fit.result.track.duration)
+    longest_first = sorted(fits, key=lambda fit: -fit[2].track.duration)
     if fits:
-        output.save_plot(longest_first[0].result.plot)
+        output.save_plot(longest_first[0][2].plot)
     if output.view is not None and fits:
         from kickdyn.view.caption import MOST_FLIGHTS  # imports meshcat
 
@@ -138,13 +132,12 @@ def identify(
     output.name_written(*((output.plot, output.view) if fits else ()))
 
 
-def _print(split: Segments | None, fits: list[FittedFlight], failures: list[str]) -> None:
-    """Print the segments of the track, a line for each flight, and the means over the flights."""
+def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None:
     lines = [] if split is None else [f"{split}\n"]
     if len(fits) == 1:
-        lines.append(str(fits[0].result))
+        lines.append(str(fits[0][2]))
     elif fits:
-        names = fits[0].result.names[6:]  # without position and velocity
+        names = fits[0][2].names[6:]  # without position and velocity
         heads = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in names]
         head = "".join(f"{head:>20}" for head in heads)
         lines.append(f"samples     speed [m/s]  left out  rms [cm]  {head}")
@@ -164,10 +157,10 @@ def _print(split: Segments | None, fits: list[FittedFlight], failures: list[str]
             f"{AVERAGED[name]} over the whole track: {mean or unknown}"
             for name, mean in _means(fits).items()
         ]
-        if warned := [fit for fit in fits if fit.result.warnings]:
+        if warned := [fit for fit in fits if fit[2].warnings]:
             lines.append(
                 f"{len(warned)} of {len(fits)} flights have warnings: --json FILE writes them, "
-                f"--start {warned[0].first} --end {warned[0].last} prints one flight's"
+                f"--start {warned[0][0]} --end {warned[0][1]} prints one flight's"
             )
     elif not failures:
         lines.append(
@@ -185,9 +178,8 @@ def _print(split: Segments | None, fits: list[FittedFlight], failures: list[str]
     click.echo("\n".join([*lines, *(f"not fitted: {line}" for line in failures)]))
 
 
-def _means(fits: list[FittedFlight]) -> dict[str, FlightMean | None]:
-    """Return the mean of the drag coefficient, or of the factor, over the flights, by its name."""
-    results = [fit.result for fit in fits]
+def _means(fits: list[Fit]) -> dict[str, FlightMean | None]:
+    results = [result for *_, result in fits]
     return {
         name: mean_over_flights(results, name)
         for name in AVERAGED
@@ -196,16 +188,12 @@ def _means(fits: list[FittedFlight]) -> dict[str, FlightMean | None]:
 
 
 def _unused(split: Segments) -> tuple[int, int]:
-    """Return the number of flights too short to fit, and the number of samples at their ends."""
     short = sum(flight.duration < SHORTEST for flight in split.flights)
     samples = sum(len(segment) for segment in split.parts if segment.kind is SegmentKind.FLIGHT)
     return short, samples - sum(len(flight) for flight in split.flights)
 
 
-def _document(
-    split: Segments | None, fits: list[FittedFlight], failures: list[str]
-) -> dict[str, Any]:
-    """Return all numbers; those that the measurement does not determine are null."""
+def _document(split: Segments | None, fits: list[Fit], failures: list[str]) -> dict[str, Any]:
     flights = [
         {
             **{"first": first, "last": last},

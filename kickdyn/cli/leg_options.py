@@ -43,33 +43,30 @@ def load_leg(
 ) -> Leg:
     """Return a leg by one of the names `LEGS` or of robot_descriptions, or of a URDF or MJCF file.
 
-    On a `fixed` base, a robot is its kicking leg; on a `floating` one, both legs and the base. The
-    contact frame is by default a robot's toe, or the frame `toe` of a file; a file's meshes may be
-    in the folders `package_dirs`; `locked` has values of joints that do not move [deg; m for
-    prismatic joints]; `drives` and `legs_only` are as for `Leg.from_robot`. Raises
-    `InvalidInput`, or `FaultyFile` if the file is refused.
+    On a `fixed` base, a robot is its kicking leg; on a `floating` one, both legs and the base.
+    The contact frame is by default `toe`. Values of `locked` joints are in degrees or metres;
+    all else is as for `Leg.from_robot` and `Leg.from_urdf`.
     """
-    if name.startswith("human:"):
-        size = _read_size(name)
-        leg = Leg.human(**size, frame=frame or "toe", base=base).locked(InDegrees(locked or {}))
-        return leg if isinstance(drives, bool) else leg.with_drives(drives)
-    described = name.endswith(DESCRIPTION)
-    if facing != "x" and name in LEGS:
-        raise InvalidInput(f"facing is {facing!r}: it is for a file, and {name} faces x already")
-    if package_dirs and (name in LEGS or described):
-        raise InvalidInput(f"package-dir is {package_dirs[0]!r}: it is for a file, not {name}")
-    if name in SHIPPED:
-        return read_leg(shipped_urdf(SHIPPED[name]), frame, base, (), locked, drives)
     degrees = InDegrees(locked or {})
-    if name in ROBOTS:
-        how: Any = {"base": base, "locked": degrees, "drives": drives}
-        robot = Leg.from_robot(name, frame, legs_only=legs_only, **how)
+    if name.startswith("human:"):
+        leg = Leg.human(**_read_size(name), frame=frame or "toe", base=base).locked(degrees)
+        return leg if isinstance(drives, bool) else leg.with_drives(drives)
+    known, described = name in LEGS, name.endswith(DESCRIPTION)
+    if facing != "x" and known:
+        raise InvalidInput(f"facing is {facing!r}: it is for a file, and {name} faces x already")
+    if package_dirs and (known or described):
+        raise InvalidInput(f"package-dir is {package_dirs[0]!r}: it is for a file, not {name}")
+    how: Any = {"base": base, "drives": drives}
+    if name in ROBOTS and name not in SHIPPED:
+        robot = Leg.from_robot(name, frame, legs_only=legs_only, locked=degrees, **how)
         return robot if base == "floating" or not legs_only else kicking_chain(robot).leg
-    if described and not os.path.exists(name):  # noqa: PTH110
-        return Leg.from_robot(name, frame, base=base, locked=degrees, drives=drives, facing=facing)
-    if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
-        raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
-    return read_leg(name, frame, base, package_dirs, locked, drives, facing)
+    file = shipped_urdf(SHIPPED[name]) if name in SHIPPED else Path(name)
+    if not os.path.exists(file):  # noqa: PTH110 any text may be a name
+        if described:
+            return Leg.from_robot(name, frame, locked=degrees, facing=facing, **how)
+        if not file.suffix:
+            raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
+    return read_leg(file, frame, package_dirs=package_dirs, locked=locked, facing=facing, **how)
 
 
 def _read_size(name: str) -> dict[str, Any]:
@@ -145,45 +142,12 @@ class LegOptions:
     )  # fmt: skip
 
     def load(self, *, whole: bool = False, base: str | None = None) -> Leg:
-        """Return the leg, its warnings written to standard error.
+        """Return the leg, on a floating base if it stands on a support; write its warnings.
 
-        A leg that stands on a support has a floating base, which could not move otherwise.
-
-        Args:
-            whole: whether a robot has all its joints, and a floating base.
-            base: `fixed` or `floating`, in place of the usual one.
+        A `whole` robot has all its joints and a floating base; `base` replaces the usual
+        one.
         """
-        locked, loops, supports = self._read_locked(), self._read_loops(), self._read_supports()
-        is_robot = self.leg_name not in SHIPPED and not self.leg_name.startswith("human:")
-        base = base or ("floating" if supports or (whole and is_robot) else "fixed")
-        drives = self.drives != "none" and (self.drives or True)
-        try:
-            leg = load_with_surface(
-                self.frame,
-                partial(
-                    load_leg, self.leg_name, base=base, package_dirs=self.package_dirs,
-                    locked=locked, drives=drives, facing=self.facing, legs_only=not whole,
-                ),
-            )  # fmt: skip
-        except InvalidInput:
-            if supports:  # a support that the leg has not explains more than a floating base
-                fixed = load_with_surface(
-                    self.frame,
-                    partial(load_leg, self.leg_name, package_dirs=self.package_dirs, locked=locked),
-                )
-                for support in supports:
-                    frame_id(fixed.model, support.frame)
-            raise
-        leg = leg.with_supports(*supports).with_loops(*leg.loops, *loops)
-        leg = leg.with_stiff_joints(*self.stiff_joints)
-        zero = (0.0, 0.0, 0.0)
-        leg = leg.with_base_velocity(self.base_velocity or zero, self.base_angular_velocity or zero)
-        warn(leg.warnings)
-        return leg
-
-    def _read_locked(self) -> dict[str, float]:
-        """Return the values of the locked joints by name [deg; m for prismatic joints]."""
-        locked: dict[str, float] = {}
+        supports, loops, locked = self._read_supports(), list[tuple[str, str]](), dict[str, float]()
         for text in self.locked:
             name, _equals, value = text.rpartition("=")
             try:
@@ -193,16 +157,30 @@ class LegOptions:
             except ValueError:
                 once = ", once for each joint" if name in locked else " [deg; m]"
                 raise InvalidInput(f"--lock is {text!r}: it must be JOINT=VALUE{once}") from None
-        return locked
-
-    def _read_loops(self) -> list[tuple[str, str]]:
-        loops = []
         for text in self.loops:
             first, _colon, second = text.partition(":")
             if not (first and second):
                 raise InvalidInput(f"--loop is {text!r}: it must be two frames, A:B")
             loops.append((first, second))
-        return loops
+        is_robot = self.leg_name not in SHIPPED and not self.leg_name.startswith("human:")
+        base = base or ("floating" if supports or (whole and is_robot) else "fixed")
+        read = partial(load_leg, self.leg_name, package_dirs=self.package_dirs, locked=locked)
+        how: Any = {"base": base, "facing": self.facing, "legs_only": not whole}
+        how["drives"] = self.drives != "none" and (self.drives or True)
+        try:
+            leg = load_with_surface(self.frame, partial(read, **how))
+        except InvalidInput:
+            if supports:  # a support that the leg has not explains more than a floating base
+                fixed = load_with_surface(self.frame, read)
+                for support in supports:
+                    frame_id(fixed.model, support.frame)
+            raise
+        leg = leg.with_supports(*supports).with_loops(*leg.loops, *loops)
+        leg = leg.with_stiff_joints(*self.stiff_joints)
+        zero = (0.0, 0.0, 0.0)
+        leg = leg.with_base_velocity(self.base_velocity or zero, self.base_angular_velocity or zero)
+        warn(leg.warnings)
+        return leg
 
     def _read_supports(self) -> list[Support]:
         supports = []

@@ -29,19 +29,13 @@ NAMED_BALLS = {"size-5": Ball, "paper": Ball.paper}
 
 
 def option(*names: str, **settings: Any) -> Any:
-    """Return a field of a group: the option that `click.option` makes of the same arguments.
-
-    Its help shows the default, and its type may follow from the annotation, see `TYPES`.
-    """
+    """Return a field of a group: the arguments of its `click.option`; `TYPES` may add a type."""
     shown = {"show_default": "default" in settings}
     return field(metadata={"names": names, "settings": shown | settings})
 
 
 def command(name: str) -> Callable[[Callable[..., None]], click.Command]:
-    """Return a decorator that makes a command of a function.
-
-    The function receives groups as the arguments that they annotate.
-    """
+    """Return a decorator that makes a command of a function whose annotations are groups."""
 
     def make(function: Callable[..., None]) -> click.Command:
         annotated = function.__annotations__.items()
@@ -223,7 +217,14 @@ class JsonOptions:
 
     def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
         """Refuse outputs that cannot be written or are inputs; name those that are replaced."""
-        replaced = check_outputs(*files, json_file=self.json_file, inputs=inputs)
+        page, plot = (getattr(self, name, None) for name in ("view", "plot"))
+        if page is not None:
+            check_page_name(page)
+        if plot is not None:
+            from kickdyn.core.plot_style import check_name  # imports matplotlib
+
+            check_name(plot)
+        replaced = check_outputs(*files, page, plot, json_file=self.json_file, inputs=inputs)
         if replaced:
             will = "exists and will be" if len(replaced) == 1 else "exist and will be"
             click.echo(f"{printable(', '.join(replaced))} {will} replaced", err=True)
@@ -234,10 +235,7 @@ class JsonOptions:
             write_json(self.json_file, document)
 
     def print_rows(self, *results: Any) -> None:
-        """Print the rows of results, unless stdout is for JSON; of several, with class names.
-
-        Warnings that an earlier result has are not repeated.
-        """
+        """Print rows of results, with class names if several; earlier warnings are not repeated."""
         seen = set[str]()
         for result in results if self.prints else ():
             lines = repr(result).splitlines()[len(results) == 1 :]
@@ -257,14 +255,6 @@ class PlotOptions(JsonOptions):
 
     plot: str | None = option("--plot", metavar="FILE", help="Plot the results: .png, .svg, .pdf.")
 
-    def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
-        """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""
-        if self.plot is not None:
-            from kickdyn.core.plot_style import check_name  # imports matplotlib
-
-            check_name(self.plot)
-        super().check(*files, self.plot, inputs=inputs)
-
     def save_plot(self, draw: Callable[[], Any]) -> None:
         """Write the figure that a function returns, if a file is named."""
         if self.plot is not None:
@@ -280,12 +270,6 @@ class OutputOptions(PlotOptions):
     view: str | None = option(
         "--view", metavar="FILE.html|.png", help="Write a 3-D page, or a picture of it."
     )
-
-    def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
-        """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""
-        if self.view is not None:
-            check_page_name(self.view)
-        super().check(*files, self.view, inputs=inputs)
 
     def save_page(self, subject: Any, **options: Any) -> None:
         """Write the page of a subject, as `page` takes it, if a file is named; show warnings."""

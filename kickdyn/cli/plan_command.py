@@ -47,10 +47,6 @@ if TYPE_CHECKING:
     from kickdyn.simulators.repeated_runs import NoisyRuns
     from kickdyn.simulators.run_in_mujoco import MujocoRun
 
-CROUCH_SHARE = 0.1
-"""Share of the height of a robot's straight leg by which its hips are lower when it kicks: its
-knees are bent, by 52 degrees if it stood on that foot."""
-
 
 @dataclass(frozen=True)
 class GoalOptions:
@@ -227,7 +223,9 @@ def height_of_ball(leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> fl
     standing = leg.posture(leg.configuration()).with_contact_offset(offset)
     foot = float(standing.contact_point[2])
     # a robot's toe must point ahead
-    crouch = 0.0 if leg.contact_normal_cone is None else CROUCH_SHARE
+    # share of the height of a robot's straight leg by which its hips are lower when it kicks: its
+    # knees are bent, by 52 degrees if it stood on that foot
+    crouch = 0.0 if leg.contact_normal_cone is None else 0.1
     return foot + ball.radius - crouch * foot
 
 
@@ -356,14 +354,18 @@ def plan(
             click.echo(f"\n{result}")
     output.save_plot(planned.plot)
     if output.view is not None:
-        output.save_page(run or planned, caption=" ".join(sentences), scenery=_scenery(report))
+        from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes  # imports meshcat
+
+        foot = planned.path.launch.position - np.array([0.0, 0.0, planned.impact.ball.radius])
+        boxes = [] if wall is None else wall_boxes(foot, planned.aim.ahead, *astuple(wall))
+        boxes += goal_boxes(foot, float(planned.aim.target[0])) if goal.goal_mouth else []
+        output.save_page(run or planned, caption=" ".join(sentences), scenery=boxes)
     output.name_written(output.plot, output.view, output.out)
 
 
 def _carry_out(
     planned: KickPlan, output: PlanOutputOptions
 ) -> "tuple[KickPlan, MujocoRun, NoisyRuns | None]":
-    """Return a plan, corrected if that is wanted, its run in MuJoCo, and runs with noise."""
     from kickdyn.simulators.repeated_runs import refine_kick, run_with_noise
     from kickdyn.simulators.run_in_mujoco import run_in_mujoco
 
@@ -377,13 +379,3 @@ def _carry_out(
             options: Any = {"tuning": run.tuning, "progress": show, "foot": foot}
             noisy = run_with_noise(planned, output.noisy_runs, **options)
     return planned, run, noisy
-
-
-def _scenery(report: PlanReport) -> list[Any]:
-    """Return the boxes of the wall and the goal of a plan."""
-    from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes  # imports meshcat
-
-    plan = report.plan
-    foot = plan.path.launch.position - np.array([0.0, 0.0, plan.impact.ball.radius])
-    boxes = [] if report.wall is None else wall_boxes(foot, plan.aim.ahead, *astuple(report.wall))
-    return boxes + (goal_boxes(foot, float(plan.aim.target[0])) if report.goal_mouth else [])

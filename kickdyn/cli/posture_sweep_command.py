@@ -44,13 +44,6 @@ from kickdyn.sweeps.sweep_report import (
     show,
 )
 
-KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
-"""Default grid of our legs: about to meet a ball on the ground before them."""
-
-
-ANNOUNCED_SECONDS = 120.0
-"""Processor time of a sweep from which on it is announced [s]."""
-
 
 @dataclass(frozen=True)
 class SweepOptions:
@@ -154,11 +147,17 @@ def posture_sweep(
     warn((*kick.ball.warnings, *range_warnings(kick.contact.restitution, kick.speed)))
     robot = leg.load()
     if not joints and leg.leg_name in SHIPPED:
-        joints = tuple(axis for axis in KICKING if axis.partition("=")[0] in robot.joint_names)
+        # default grid of our legs: about to meet a ball on the ground before them
+        joints = tuple(
+            axis
+            for axis in ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
+            if axis.partition("=")[0] in robot.joint_names
+        )
     grid = Grid.of(robot, read_postures(robot, joints))
     solver = ChunkSolver(robot, grid, kick, storing.tolerance)
     summary = Summary(solver.describe(), where, storing.kept)
-    if solver.seconds > ANNOUNCED_SECONDS:
+    # processor time of a sweep from which on it is announced [s]
+    if solver.seconds > 120.0:
         size = GIGABYTES * grid.size * len(storing.kept) / len(VARIABLES)
         stored = f" and {size:,.2g} GB in {storing.store}" if storing.store else ""
         click.echo(
@@ -201,14 +200,15 @@ def posture_sweep(
 
 
 def _save_page(file: str, kick: Kick, lines: Iterable[ReportLine]) -> str | None:
-    """Write a page with a button for each line that has an impact; return its name, if any has."""
     from kickdyn.view.page import page, page_of_pages  # imports meshcat
 
-    pages = {}
-    for line in lines:
-        if (impact := line.outcome.impact) is not None:
-            path = fly(impact.ball_after, kick.ball, kick.air)
-            pages[line.label] = page(impact, path, caption=line.explanation)
+    pages = {
+        line.label: page(
+            impact, fly(impact.ball_after, kick.ball, kick.air), caption=line.explanation
+        )
+        for line in lines
+        if (impact := line.outcome.impact) is not None
+    }
     if not pages:
         return None
     made_page = page_of_pages(pages)
@@ -219,7 +219,6 @@ def _save_page(file: str, kick: Kick, lines: Iterable[ReportLine]) -> str | None
 
 @contextmanager
 def _progress_bar(size: int) -> Iterator[Progress | None]:
-    """Show a bar with time left, and compilations, on a terminal only."""
     if not sys.stderr.isatty():
         yield None
         return

@@ -26,7 +26,7 @@ from kickdyn.cli.option_groups import (
 from kickdyn.cli.plan_command import height_of_ball
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.motion_file import check_motion_name
-from kickdyn.planning.kick_library import KickLibrary, LibraryKick
+from kickdyn.planning.kick_library import LibraryKick
 from kickdyn.planning.kick_library import kick_library as make_library
 from kickdyn.planning.kick_reader import AXES
 from kickdyn.planning.reach import ELEVATIONS
@@ -187,7 +187,14 @@ def kick_library(
             from kickdyn.simulators.library_runs import correct_library
 
             library = correct_library(library, executor=executor, progress=progress)
-    chosen = None if output.kick is None else _kick(library, output.kick)
+    chosen: LibraryKick | None = None
+    if output.kick is not None:
+        form = "SPEED,ELEVATION or SPEED,ELEVATION,X,Y"
+        speed, elevation, *place = _numbers("--kick", output.kick, (2, 4), form)
+        point = 0.5 * (library.reader.lower + library.reader.upper)
+        point[:2] = speed, math.radians(elevation)
+        point[len(AXES) - len(place) :] = place
+        chosen = library.kick_for(point)
     output.write_json((library if chosen is None else chosen).to_json())
     if chosen is not None and not chosen.met:
         raise InvalidInput(f"there is no kick: {chosen.reason}")
@@ -201,20 +208,9 @@ def kick_library(
 
 
 def _numbers(name: str, text: str, counts: tuple[int, ...], form: str) -> list[float]:
-    """Return the numbers between commas, of which there must be one of some counts."""
     values = list[float]()
     with suppress(ValueError):
         values = [float(word) for word in text.split(",")]
     if len(values) not in counts:
         raise InvalidInput(f"{name} is {text!r}: it must be {form}")
     return values
-
-
-def _kick(library: KickLibrary, text: str) -> LibraryKick:
-    """Return the kick at `SPEED,ELEVATION[,X,Y]`."""
-    form = "SPEED,ELEVATION or SPEED,ELEVATION,X,Y"
-    speed, elevation, *place = _numbers("--kick", text, (2, 4), form)
-    point = 0.5 * (library.reader.lower + library.reader.upper)
-    point[:2] = speed, math.radians(elevation)
-    point[len(AXES) - len(place) :] = place
-    return library.kick_for(point)

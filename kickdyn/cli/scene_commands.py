@@ -15,8 +15,7 @@ from kickdyn.core.files import attributes, plain
 from kickdyn.core.plot_style import styled
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
-from kickdyn.scene.effects import EffectSize
-from kickdyn.scene.simulate import Simulation, simulate_as_instant
+from kickdyn.scene.simulate import EffectSize, Simulation, simulate_as_instant
 from kickdyn.scene.simulate import simulate as simulate_scene
 from kickdyn.scene.toml_reader import load_scene
 
@@ -51,10 +50,6 @@ def simulate(scene_file: str, tolerance: float | None, exact: bool, output: Json
     output.name_written()
 
 
-JOINT_NUMBERS = "force force_deviation moment moment_deviation"
-"""Numbers of `JointUncertainty` in JSON [N s, N m s]."""
-
-
 def numbers_of(answer: Simulation) -> dict[str, Any]:
     """Return the numbers of a simulation for JSON, in SI units; null where one is not finite."""
     passage, score = answer.passage, answer.score
@@ -73,13 +68,12 @@ def numbers_of(answer: Simulation) -> dict[str, Any]:
 
 
 def _simulation_document(answer: Simulation) -> dict[str, Any]:
-    """Return the numbers of a simulation, its tolerance and its effects."""
     numbers = numbers_of(answer)
     numbers |= attributes(answer, "tolerance within_tolerance status method evaluations seconds")
     numbers |= attributes(answer, "model_error numerical_error end_deviation")
+    of_joint = "force force_deviation moment moment_deviation"
     numbers["joint_impulses"] = answer.launch_spread and {
-        name: attributes(joint, JOINT_NUMBERS)
-        for name, joint in answer.launch_spread.joints.items()
+        name: attributes(joint, of_joint) for name, joint in answer.launch_spread.joints.items()
     }
     numbers["effects"] = [
         {"modelled": size.effect in answer.modelled, "size": plain(size.end),
@@ -139,7 +133,6 @@ def view(
 
 
 def _view_document(simulation: Simulation) -> dict[str, Any]:
-    """Return the numbers of a scene: SI units, joint angles in degrees as given."""
     from kickdyn.view.kick_scene import joint_impulses_in_world
 
     impact = simulation.impact
@@ -164,9 +157,6 @@ def _view_document(simulation: Simulation) -> dict[str, Any]:
     }
 
 
-TOLERANCE = 0.05
-"""The default tolerance of `simulate`, a line in the picture [m]."""
-
 LEAST_EFFECT = 1e-9
 """Shorter distances are due to the integrators [m]."""
 
@@ -183,15 +173,27 @@ def tradeoff(scene: str | None, output: PlotOptions) -> None:
     Example: kickdyn tradeoff --plot tradeoff.png
     """
     output.check(inputs=[scene])
-    if scene is None:
-        _compare_functions(output)
+    if scene is not None:
+        loaded = load_scene(scene)
+        with busy("measuring"):
+            exact = simulate_scene(loaded, None)
+            sizes = sorted(
+                exact.effects, key=lambda size: math.inf if math.isnan(size.end) else -size.end
+            )
+        output.save_plot(partial(effect_figure, loaded.name, sizes))
+        output.write_json({
+            "scene": loaded.name, "status": exact.status,
+            "end": exact.end.position.tolist(), "impulse": exact.impact.impulse.tolist(),
+            "units": {"end": "m", "impulse": "N s"},
+            "effects": plain(sizes),
+        })  # fmt: skip
+        output.print_rows(exact)
     else:
-        _measure_scene(scene, output)
+        _compare_functions(output)
     output.name_written(output.plot)
 
 
 def _compare_functions(output: PlotOptions) -> None:
-    """Measure the functions; write and print the results."""
     from kickdyn.cli.function_costs import cost_figure, measure_functions  # imports numba
 
     with busy("measuring") as show:
@@ -215,30 +217,9 @@ def _compare_functions(output: PlotOptions) -> None:
         print_wrapped("\n".join(lines))
 
 
-def _measure_scene(scene: str, output: PlotOptions) -> None:
-    """Measure the effects of a scene; write and print the results."""
-    loaded = load_scene(scene)
-    with busy("measuring"):
-        exact = simulate_scene(loaded, None)
-        sizes = sorted(
-            exact.effects, key=lambda size: math.inf if math.isnan(size.end) else -size.end
-        )
-    output.save_plot(partial(effect_figure, loaded.name, sizes))
-    output.write_json({
-        "scene": loaded.name, "status": exact.status,
-        "end": exact.end.position.tolist(), "impulse": exact.impact.impulse.tolist(),
-        "units": {"end": "m", "impulse": "N s"},
-        "effects": plain(sizes),
-    })  # fmt: skip
-    output.print_rows(exact)
-
-
 @styled()
-def effect_figure(title: str, sizes: Sequence[EffectSize], tolerance: float = TOLERANCE) -> Any:
-    """Return the displacement of the end by neglecting each effect, as logarithmic bars.
-
-    A line is drawn at the tolerance [m]: half of it is there for all neglected effects.
-    """
+def effect_figure(title: str, sizes: Sequence[EffectSize], tolerance: float = 0.05) -> Any:
+    """Return how far neglecting each effect moves the end, as bars beside a tolerance [m]."""
     from matplotlib.figure import Figure  # takes half a second
 
     figure = Figure(figsize=(8.0, 1.6 + 0.32 * len(sizes)))

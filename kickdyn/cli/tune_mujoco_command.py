@@ -2,10 +2,8 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import click
-import numpy as np
 
 from kickdyn.cli.commands import busy, print_wrapped
 from kickdyn.cli.option_groups import JsonOptions, command, option, scene_argument
@@ -18,7 +16,6 @@ from kickdyn.robot.names import unknown
 from kickdyn.scene.scene import Compliance
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.simulators.mujoco_fit import MujocoIntegrator
-from kickdyn.simulators.tune_mujoco import MujocoTuning
 from kickdyn.simulators.tune_mujoco import tune_mujoco as tune_contact
 
 NUMBERS = (
@@ -88,8 +85,7 @@ def tune_mujoco(scene_file: str, mujoco: MujocoOptions, output: MjcfOptions) -> 
             f"stiffness is {compliance.stiffness!r}: a contact of MuJoCo is tuned for a contact "
             "time, contact_time_s"
         )
-    check_geoms(scene.leg, mujoco.feet)
-    feet = mujoco.feet or (find_foot(scene.leg) if scene.contact.friction else ())
+    feet = striking_geoms(scene.leg, mujoco.feet, needed=scene.contact.friction > 0.0)
     with busy("tuning"):
         tuning = tune_contact(
             scene.posture, scene.v, scene.ball, scene.contact, timestep=mujoco.timestep,
@@ -102,7 +98,9 @@ def tune_mujoco(scene_file: str, mujoco: MujocoOptions, output: MjcfOptions) -> 
         if file not in (None, "-"):
             with replacing(file) as draft:
                 draft.write_text(text, encoding="utf-8")
-    output.write_json(_document(scene.name, tuning, model))
+    document = {"scene": scene.name, **attributes(tuning, NUMBERS), "mjcf": model}
+    document["goals"] = [{**goal._asdict(), "met": goal.met} for goal in tuning.goals]
+    output.write_json(document)
     if output.out == "-":
         click.echo(model, nl=False)
     elif output.prints:
@@ -110,43 +108,30 @@ def tune_mujoco(scene_file: str, mujoco: MujocoOptions, output: MjcfOptions) -> 
         output.name_written(output.out, output.scene_out)
 
 
-def check_geoms(leg: Leg, names: Iterable[str]) -> None:
-    """Raise `InvalidInput` for a name that is not a geom of the leg's MJCF file, if it has one."""
-    if not isinstance(leg.file, MjcfFile):
-        return
-    compiled = leg.file.compile()
-    geoms = [name for i in range(compiled.ngeom) if (name := str(compiled.geom(i).name))]
-    for name in names:
-        if name not in geoms:
-            raise InvalidInput(unknown("geom", name, leg.file.name, geoms))
+def striking_geoms(leg: Leg, names: tuple[str, ...], *, needed: bool) -> tuple[str, ...]:
+    """Return the geoms of a leg's MJCF that strike the ball: those named, or the contact frame's.
 
-
-def find_foot(leg: Leg) -> tuple[str, ...]:
-    """Return the geom of a leg's contact frame in its MJCF; none where the leg has no such file.
-
-    Raises `InvalidInput` if the frame is a body or a site of a body that has several geoms, or one
-    without a name.
+    Without such a file there are only those named. Raises `InvalidInput` for a name that is no
+    geom; or, if a geom is needed, for a frame that is a body or a site of a body that has several
+    geoms, or one without a name.
     """
     if not isinstance(leg.file, MjcfFile):
-        return ()
+        return names
     compiled, frame = leg.file.compile(), leg.frame
-    geoms = np.flatnonzero(compiled.geom_bodyid == find_body(compiled, frame))
-    names = [str(compiled.geom(int(geom)).name) for geom in geoms]
-    if frame in names:
+    every = [str(compiled.geom(i).name) for i in range(compiled.ngeom)]
+    for name in names:
+        if name not in every:
+            raise InvalidInput(unknown("geom", name, leg.file.name, [*filter(None, every)]))
+    if names or not needed:
+        return names
+    body = find_body(compiled, frame)
+    geoms = [name for name, owner in zip(every, compiled.geom_bodyid, strict=True) if owner == body]
+    if frame in geoms:
         return (frame,)
-    if len(names) == 1 and names[0]:
-        return (names[0],)
-    choices = ", ".join(filter(None, names)) or "none with a name"
+    if len(geoms) == 1 and geoms[0]:
+        return (geoms[0],)
+    choices = ", ".join(filter(None, geoms)) or "none with a name"
     raise InvalidInput(
         f"which geom of {frame!r} strikes the ball? MuJoCo needs its name for friction: name it "
         f"with --foot (there are {choices}), or choose a contact without friction"
     )
-
-
-def _document(name: str, tuning: MujocoTuning, model: str) -> dict[str, Any]:
-    return {
-        "scene": name,
-        **attributes(tuning, NUMBERS),
-        "goals": [{**goal._asdict(), "met": goal.met} for goal in tuning.goals],
-        "mjcf": model,
-    }

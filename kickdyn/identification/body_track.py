@@ -26,11 +26,8 @@ TRANSLATION = re.compile(r"_t[xyz](/value|/speed)?$", re.IGNORECASE)
 """End of the name of a coordinate that is a length."""
 
 
-class Up(StrEnum):
-    """Axis of a file that points up."""
-
-    Y = "y"
-    Z = "z"
+Up = StrEnum("Up", {"Y": "y", "Z": "z"})
+"""Axis of a file that points up."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -268,7 +265,6 @@ class BodyTrack(ReprMixin):
         return cls(table[:, 0], angles=angles)._warned(warnings)
 
     def _warned(self, warnings: Sequence[str]) -> "BodyTrack":
-        """Return the track, just read, with warnings."""
         vars(self).update(warnings=tuple(warnings))
         return self
 
@@ -313,7 +309,6 @@ def _centre(points: Array, radius: float) -> Array:
 
 
 def _with_z_up(positions: Array, up: Up) -> Array:
-    """Return positions in a frame with x as before and z up."""
     return positions if up is Up.Z else positions[..., [0, 2, 1]] * (1.0, -1.0, 1.0)
 
 

@@ -184,7 +184,6 @@ def fit_motion(
 def _from_angles(
     track: BodyTrack, leg: Leg, angles: Mapping[str, str], contact: Moment | None
 ) -> LegMotion:
-    """Return the motion of a leg whose joint angles are measured."""
     model, names = leg.workspace.model, leg.single_joints
     notes: tuple[str, ...] = ()
     tracked = [name for name in PELVIS if name in track.angles]
@@ -245,7 +244,6 @@ def check_angle(track: BodyTrack, name: str) -> None:
 
 
 def _place(leg: Leg, name: str, place: Place) -> Marker:
-    """Return the frame and the place of a marker, or raise `InvalidInput`."""
     try:
         frame, point = (place, (0.0, 0.0, 0.0)) if isinstance(place, str) else tuple(place)
     except (TypeError, ValueError):
@@ -369,10 +367,7 @@ def check_side(leg: Leg, places: Mapping[str, Marker]) -> None:
 
 
 def check_order(leg: Leg, places: Mapping[str, Marker], measured: Array) -> list[str]:
-    """Return lines about segments whose markers another order fits better.
-
-    Raises `InvalidInput` if it is much better. A pelvis that stands on its head does not fit.
-    """
+    """Return lines about segments whose markers another order fits better; raise if far better."""
     model, names = leg.workspace.model, list(places)
     joints = [model.frames[frame].parentJoint for frame, _ in places.values()]
     points = np.array([model.frames[frame].placement.act(p) for frame, p in places.values()])
@@ -392,9 +387,13 @@ def check_order(leg: Leg, places: Mapping[str, Marker], measured: Array) -> list
             if misfit < least:
                 continue
             seen = measured[frame, chosen]
+            numbers = range(len(chosen))
+            swaps = [{a: b, b: a} for a, b in combinations(numbers, 2)]
+            exchanged = [tuple(swap.get(k, k) for k in numbers) for swap in swaps]
+            # of many markers, exchanges of two are tried instead of all orders
+            orders = list(permutations(numbers)) if len(chosen) <= 5 else exchanged
             best, order = min(
-                (_misfit(points[chosen], seen[list(order)], stands), order)
-                for order in _orders(len(chosen))
+                (_misfit(points[chosen], seen[list(order)], stands), order) for order in orders
             )
             if best > share * misfit:
                 continue
@@ -407,15 +406,6 @@ def check_order(leg: Leg, places: Mapping[str, Marker], measured: Array) -> list
                 raise InvalidInput(f"markers {swapped} are swapped {distances}")
             doubts.append(f"markers {swapped} may be swapped {distances}")
     return doubts
-
-
-def _orders(count: int) -> list[tuple[int, ...]]:
-    """Return orders of markers that may have been mistaken for each other."""
-    # markers of a segment of which all orders are tried; of more of them, exchanges of two
-    if count <= 5:
-        return list(permutations(range(count)))
-    swaps = [{a: b, b: a} for a, b in combinations(range(count), 2)]
-    return [tuple(swap.get(k, k) for k in range(count)) for swap in swaps]
 
 
 def _misfit(points: Array, seen: Array, stands: bool) -> float:

@@ -191,14 +191,7 @@ class Identification(ReprMixin):
 
 
 class FlightMean(NamedTuple):
-    """The mean of a value over flights that were fitted one by one, by `weighted_mean`.
-
-    Attributes:
-        mean, deviation: the mean and its standard error.
-        scatter: standard deviation from flight to flight beyond the flights' own deviations.
-        flights: number of flights that determine the value.
-        slowest, fastest: lowest and highest mean speed of these flights [m/s].
-    """
+    """A `weighted_mean` over flights, its standard error and scatter, and their speeds [m/s]."""
 
     mean: float
     deviation: float

@@ -45,19 +45,12 @@ SPIN_SPREAD = 100.0
 """Order of magnitude of a spin [rad/s]: five professionals' curling free kicks have 106 rad/s on
 average (Passmore et al. 2012)."""
 
-OUTLIER = 4.5
-"""Residuals of more than this many standard deviations are left out: in normally distributed noise
-seven of a million are."""
-
 FINEST_TOL, COARSEST_TOL = 1e-10, 1e-7
 """Relative tolerances of the integration: the least, and the first one."""
 
 COST_TOL, PROFILE_COST_TOL, ROBUST_COST_TOL = 1e-8, 1e-6, 1e-4
 """Relative changes of the sum of squares at which a fit ends, less than 0.001 of a deviation; at
 which one of a profile ends; and the robust one, which only chooses the outliers and the start."""
-
-FAILED_RESIDUAL = 1e6
-"""Residual where no flight can be integrated [m]: no step of a solver ends there."""
 
 PROFILED, LARGEST_BEND = 2.0, 2.0
 """Distance from the estimate at which a profile is taken, in standard deviations; and the factor
@@ -140,10 +133,7 @@ def identify(
 
 
 class _Problem(NamedTuple):
-    """A measured track and its unknowns, in world axes.
-
-    They are position, velocity and, if sought, spin at the first sample, then those of the air.
-    """
+    """A measured track and its unknowns in world axes: position, velocity, spin if sought, air."""
 
     track: Track
     ball: Ball
@@ -153,7 +143,6 @@ class _Problem(NamedTuple):
 
     @property
     def length(self) -> float:
-        """Largest extent of the positions along an axis [m]."""
         return float(np.ptp(self.track.positions, axis=0).max())
 
     @property
@@ -166,7 +155,6 @@ class _Problem(NamedTuple):
 
     @property
     def spin_columns(self) -> slice:
-        """Places of the spin among the unknowns; none where it is 0."""
         return slice(len(LAUNCH), len(self.names) - len(self.air_names))
 
     def spin_rows(self, spread: float) -> Array:
@@ -246,7 +234,6 @@ def flight_axes(velocity: Array) -> Array:
 
 
 def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
-    """Return the unknowns of a fit, without repetitions, in the order of `Free`."""
     names = [free] if isinstance(free, str) else free
     chosen = {validation.choice("free", name, Free) for name in names}
     if {Free.DRAG, Free.DRAG_SCALE} <= chosen:
@@ -263,13 +250,9 @@ def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
 
 
 def _check_flight(track: Track) -> None:
-    """Raise `InvalidInput` unless a track may be a flight, in metres."""
     check_samples(track)
     if not np.ptp(track.positions, axis=0).any():
-        raise InvalidInput(
-            f"the ball stays at {track.positions[0].tolist()} m: it does not move, so this is not "
-            "a flight"
-        )
+        raise InvalidInput(f"the ball stays at {track.positions[0].tolist()} m: this is no flight")
     if track.duration > LONGEST_FLIGHT:
         raise InvalidInput(
             f"the samples last {track.duration:.4g} s, but no flight takes more than "
@@ -313,7 +296,6 @@ def _with_noise_by_axis(problem: _Problem, estimate: _Estimate) -> _Problem:
 
 
 def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
-    """Return the estimate by least squares, without outliers, from a first guess."""
     residuals, jacobian = problem.evaluate(COARSEST_TOL, unknowns)
     used, tol = np.zeros(residuals.size, dtype=bool), COARSEST_TOL
     length = problem.length
@@ -322,7 +304,9 @@ def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
         farthest = np.abs(residuals).reshape(-1, 3).max(axis=1)
         # where more samples are far off, the model does not describe the flight
         # fraction of the samples that are used at least
-        limit = max(OUTLIER * spread, float(np.quantile(farthest, 0.9)))
+        # residuals of more than this many standard deviations are left out: in normally
+        # distributed noise seven of a million are
+        limit = max(4.5 * spread, float(np.quantile(farthest, 0.9)))
         used_before, used = used, np.repeat(farthest <= limit, 3)
         tol_before, tol = tol, min(max(1e-3 * spread / length, FINEST_TOL), COARSEST_TOL)
         if np.array_equal(used_before, used) and tol == tol_before:
@@ -364,7 +348,8 @@ def _minimise(
     only.
     """
     residuals, slopes = evaluate(start)
-    failed = np.full(residuals.size, FAILED_RESIDUAL), slopes
+    # residual where no flight can be integrated [m]: no step of a solver ends there
+    failed = np.full(residuals.size, 1e6), slopes
 
     @keep_last
     def residuals_and_slopes(unknowns: Array) -> Evaluation:

@@ -14,7 +14,7 @@ The part of L along p cannot come from one point: it is the residual.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -42,10 +42,6 @@ from kickdyn.robot.leg import Posture
 LARGEST_IMPULSE_RESIDUAL = 0.05
 """Residual, relative to radius times impulse, up to which a point contact explains an impact whose
 velocities have no deviations; above it a result has a warning."""
-
-LARGEST_CONTACT_DISTANCE = 0.25
-"""Distance between the contact points of ball and posture, in radii of the ball, above which a
-result has a warning."""
 
 LARGEST_FRICTION = 0.63
 """Friction of a ball on leather that is taken to be the largest: nine balls had 0.37 to 0.63 (Fuss
@@ -162,7 +158,9 @@ class InferredImpact(ReprMixin):
                 not -margin <= self.restitution <= 1.0 + margin,
             f"the contact point on the ball is {distance:.2g} m from the contact point of the "
             "posture, where the leg takes the impulse":
-                distance > LARGEST_CONTACT_DISTANCE * self.ball.radius,
+                # distance between the contact points of ball and posture, in radii of the ball,
+                # above which a result has a warning
+                distance > 0.25 * self.ball.radius,
         }  # fmt: skip
         doubts = (line for line, holds in lines.items() if holds)
         return (*self.notes, *doubts, *self.posture.warnings, *self.ball.warnings)
@@ -264,7 +262,6 @@ def infer_impact(
 def _infer_from_motion(
     motion: LegMotion, track: object, ball: Ball, contact: float | Sequence[float] | None
 ) -> InferredImpact:
-    """Return the impact of a motion and the track of a ball."""
     validation.check_type(Track, v=track)
     assert isinstance(track, Track)
     _check_ball(ball)
@@ -325,10 +322,7 @@ def _check_ball(ball: Ball) -> None:
     """Raise `InvalidInput` for a ball whose motion does not show the impulse."""
     ball.check_movable("an inferred impact")
     if not math.isfinite(ball.inertia):
-        raise InvalidInput(
-            "inertia factor is inf: the normal follows from how the ball turns, which needs a "
-            "finite inertia"
-        )
+        raise InvalidInput("inertia factor is inf: the normal follows from how the ball turns")
 
 
 def _with_deviations(
@@ -487,3 +481,45 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
     table = validation.read_only(np.column_stack([rows, fitted]))
     deviations = validation.read_only(scatter * np.linalg.norm(inverse, axis=1))
     return RestitutionFit(table, deviations, scatter)
+
+
+@validation.check_arguments
+def kick_table(kicks: Mapping[str, InferredImpact]) -> Any:
+    """Return measured kicks as a table, a pandas `DataFrame`, with their standard deviations.
+
+    Each row is a quantity with its unit. Each kick has two columns: its name, and its name with
+    `+-` for the standard deviations, NaN if unknown.
+
+    Args:
+        kicks: impacts of legs with joints of the same names, by name of the kick.
+
+    Raises:
+        InvalidInput: no kick, or legs with other joints.
+    """
+    from xarray import DataArray  # loaded when a table is asked for
+
+    if not validation.mapping("kicks", kicks):
+        raise InvalidInput("kicks is empty: it must have impacts by the name of the kick")
+    for name, impact in kicks.items():
+        validation.check_type(InferredImpact, **{f"kick {name}": impact})
+    rows = dict[str, dict[str, tuple[float, float]]]()
+    for name, impact in kicks.items():
+        values = {
+            "foot speed [m/s]": (math.hypot(*impact.foot_velocity), "foot_speed"),
+            "ball speed [m/s]": (float(impact.ball_after.speed), "ball_speed"),
+            "impulse on the ball [N s]": (math.hypot(*impact.impulse), "impulse"),
+            "effective mass [kg]": (impact.effective_mass, "effective_mass"),
+            "restitution": (impact.restitution, "restitution"),
+        }
+        spreads, of_joints = impact.deviations, impact.joint_deviations
+        rows[name] = {title: (x, spreads.get(key, math.nan)) for title, (x, key) in values.items()}
+        for joint, size in impact.joint_sizes.items():
+            rows[name][f"impulse in {joint} [N s]"] = size, of_joints.get(joint, math.nan)
+    titles = list(next(iter(rows.values())))
+    for name, of_kick in rows.items():
+        if list(of_kick) != titles:
+            raise InvalidInput(f"kick {name!r} has other joints than {next(iter(kicks))!r}")
+    numbers = np.hstack([list(of_kick.values()) for of_kick in rows.values()])
+    columns = [title for name in kicks for title in (name, f"{name} +-")]
+    table = DataArray(numbers, {"quantity": titles, "kick": columns}, ("quantity", "kick"))
+    return table.to_pandas()

@@ -65,10 +65,6 @@ LEARNT_SHARE = 1.0 / 3.0
 """Variance of the mean landing, over the variance by the scatter, at which learning ends: the
 unknowns then widen the scatter by 15 %."""
 
-UNLIKELY = 5.99
-"""Square of a distance, in standard deviations, that 5 % of random points in a plane exceed: the
-95 % quantile of the chi-square distribution with 2 degrees of freedom."""
-
 SHORTEST = 1e-6
 """Duration of a flight [s] below which the ball is taken to leave into the ground."""
 
@@ -239,7 +235,9 @@ class Learner(ReprMixin):
         return bool(
             self.shots
             and np.trace(uncertainty) <= LEARNT_SHARE * np.trace(scatter)
-            and missed @ np.linalg.solve(scatter + uncertainty, missed) <= UNLIKELY
+            # square of a distance, in standard deviations, that 5 % of random points in a plane
+            # exceed: the 95 % quantile of the chi-square distribution with 2 degrees of freedom
+            and missed @ np.linalg.solve(scatter + uncertainty, missed) <= 5.99
         )
 
     @property
@@ -306,7 +304,6 @@ class Learner(ReprMixin):
         return replace(self._model, drag=drag, wind=np.array([theta[1], theta[2], upwards]))
 
     def _plan(self) -> None:
-        """Plan the next flight by the estimates, and the command that produces it."""
         air, theta = self._air(self._theta), self._theta
         self.launch = plan_launch(self.goal, self.ball, air)
         wanted, spin = self.launch.velocity, self.launch.spin
@@ -384,7 +381,6 @@ class Learner(ReprMixin):
         return np.array([*flight.position(flight.end)[:2], flight.end]), slopes
 
     def _estimate(self) -> None:
-        """Find the most probable unknowns given all shots, and their covariance."""
         count = 3 * len(self.shots)
         spread = np.concatenate([self._prior, np.full(count, self._scatter)])
         middle = np.concatenate([self._theta0, np.zeros(count)])
@@ -418,7 +414,6 @@ class Learner(ReprMixin):
             self._last_landing = landing[:2]
 
     def _residuals(self, theta: Array, error: Array, shot: Shot) -> tuple[Array, Array]:
-        """Return the residuals of a shot, in standard deviations, and the derivatives."""
         if shot.track is not None:
             times = shot.track.times
             flight = self._fly(theta, error, shot.command, float(times[-1]))

@@ -94,10 +94,7 @@ def ball_side(track: Track, side: str, begin: float, end: float, moment: float) 
     inverse = np.linalg.inv(rows.T @ rows)
     fall, spread = 2.0 * fitted[2], 8.0 * np.sqrt(variance * inverse[2, 2])
     if fall[1] + spread[1] < -0.5 * GRAVITY and fall[2] - spread[2] > -0.5 * GRAVITY:
-        raise InvalidInput(
-            f"the ball falls along y {side} the contact, with {-fall[1]:.2g} m/s2: positions of "
-            "its track must have z up"
-        )
+        raise InvalidInput(f"the ball falls along y {side} the contact: its track must have z up")
     return BallSide(*fitted[:2], *(np.sqrt(variance * inverse[i, i]) for i in (0, 1)))
 
 
@@ -279,7 +276,16 @@ class LegMotion(ReprMixin):
         complete = self.times[window & self._complete]
         longest = max(LONGEST_GAP * interval, LONGEST_UNSEEN)
         if len(complete) < LEAST_FRAMES or moment - contact.deviation - complete[-1] > longest:
-            raise InvalidInput(self._few_frames(moment, len(complete), longest))
+            begin, end = self.times[self._complete][[0, -1]].tolist()
+            gaps = [f"{name!r} in frame {frames[-1]}" for name, frames in self.gaps.items()]
+            unseen = ", ".join(gaps[:3]) + (f", {len(gaps) - 3} others" if len(gaps) > 3 else "")
+            raise InvalidInput(
+                f"contact at {moment:g} s: {len(complete)} frames of the {CONTACT_WINDOW:g} s "
+                f"before it determine the leg; at least {LEAST_FRAMES} must, the last one at most "
+                f"{longest:.3g} s before the contact. Such frames are from {begin:g} to {end:g} s; "
+                f"last gaps: {unseen or 'none'}; three markers on each segment that are not on one "
+                "line are always enough"
+            )
         spline = self._smoothed(window, GROWTH)
         q, v, covariance = spline.state(moment)
         change = contact.deviation * spline.rate(moment)
@@ -295,19 +301,6 @@ class LegMotion(ReprMixin):
     def _complete(self) -> Any:
         """Whether the markers of each frame determine the whole configuration."""
         return ~np.isin(self.frames, self.undetermined)
-
-    def _few_frames(self, moment: float, count: int, longest: float) -> str:
-        """Return the message about a contact without enough frames before it."""
-        begin, end = self.times[self._complete][[0, -1]].tolist()
-        gaps = [f"{name!r} in frame {frames[-1]}" for name, frames in self.gaps.items()]
-        unseen = ", ".join(gaps[:3]) + (f", {len(gaps) - 3} others" if len(gaps) > 3 else "")
-        return (
-            f"contact at {moment:g} s: {count} frames of the {CONTACT_WINDOW:g} s before it "
-            f"determine the leg; at least {LEAST_FRAMES} must, the last one at most "
-            f"{longest:.3g} s before the contact. Such frames are from "
-            f"{begin:g} to {end:g} s; last gaps: {unseen or 'none'}; three "
-            "markers on each segment that are not on one line are always enough"
-        )
 
     @validation.check_arguments
     @styled()
@@ -378,7 +371,6 @@ class LegMotion(ReprMixin):
         return (*lines, *self._unseen_at_contact(), *self._outside_ranges(), *self._tilted())
 
     def _tilted(self) -> Iterable[str]:
-        """Return a line about a pelvis that is not upright."""
         if not has_floating_base(self.leg.workspace.model):
             return
         poses = [pin.XYZQUATToSE3(q[:7]) for q in self.configurations]
@@ -392,7 +384,6 @@ class LegMotion(ReprMixin):
             )
 
     def _unseen_at_contact(self) -> Iterable[str]:
-        """Return a line about markers that are not seen just before the contact."""
         if self.contact is None or self.times[0] >= self.contact.time:
             return
         last = int(self.frames[np.searchsorted(self.times, self.contact.time) - 1])
@@ -409,7 +400,6 @@ class LegMotion(ReprMixin):
             )
 
     def _outside_ranges(self) -> Iterable[str]:
-        """Return a line for each joint that is outside its range in most frames."""
         model = self.leg.workspace.model
         for name in self.leg.single_joints:
             values = self.configurations[:, model.idx_qs[model.getJointId(name)]]
@@ -429,7 +419,6 @@ class LegMotion(ReprMixin):
 
     @cached_property
     def _pieces(self) -> list[SmoothingSpline]:
-        """Splines of the frames before and after the contact, those with enough frames."""
         contact = math.inf if self.contact is None else self.contact.time
         sides = (
             (self.times < contact, 0.0 if self.contact is None else GROWTH),

@@ -71,7 +71,6 @@ class SolvedFrame(NamedTuple):
 
 
 def _rank(jacobian: Array) -> int:
-    """Return the number of coordinates that markers with this Jacobian determine."""
     values = np.linalg.svd(jacobian, compute_uv=False)
     return int((values > LEAST_SHARE * values[0]).sum())
 
@@ -169,7 +168,6 @@ class MarkerKinematics:
         return starts
 
     def _inside(self, q: Array) -> Array:
-        """Return a configuration with angles less whole turns, then clipped to their ranges."""
         single = self._single
         low, high = self.model.lowerPositionLimit[single], self.model.upperPositionLimit[single]
         middle, inside = 0.5 * (low + high), q.copy()
@@ -189,14 +187,11 @@ class MarkerKinematics:
 
 
 class FittedLeg(NamedTuple):
-    """A leg that is fitted to markers.
+    """A leg with segments as long as the markers have them.
 
-    Attributes:
-        leg: with segments as long as the markers have them.
-        scales: lengths of segments over those of the leg that was given, by joint.
-        places: of the markers, scaled with their segments and moved by the offsets.
-        offsets: of the places, shape `(markers, 3)` [m].
-        covariance: of scales and, where they are estimated, offsets.
+    Scales are lengths by joint over those of the given leg, offsets are moves of the markers'
+    places `(markers, 3)` [m]; the covariance is that of scales and, if they are estimated,
+    offsets.
     """
 
     leg: Leg
@@ -267,11 +262,10 @@ def scaled_leg(
 
 
 def place_deviation(fitted: FittedLeg, measured: Array, frames: Mapping[int, SolvedFrame]) -> float:
-    """Return the standard deviation of the places of markers that their residuals show [m].
+    """Return the standard deviation of the places of markers that residuals show, or 0 [m].
 
-    It is 0 if scatter explains the mean residuals in the axes of the segments, or one is so large
-    that the marker is another one. Residuals do not show offsets that only change the
-    configurations.
+    It is 0 if scatter explains the mean residuals, or one is so large that it is another
+    marker.
     """
     model, places = fitted.leg.workspace.model, fitted.places
     kinematics = MarkerKinematics(model, places)

@@ -12,6 +12,8 @@ coefficients by the Bayesian information criterion. Dynamic programming finds th
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -23,19 +25,171 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.core import validation
 from kickdyn.core.mechanics import GRAVITY
+from kickdyn.core.representation import Printed
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import acceleration_function
-from kickdyn.ground import Ground
-from kickdyn.identification.segments_result import (
-    ON_GROUND,
-    CutReason,
-    Measured,
-    Segment,
-    SegmentKind,
-    Segments,
-)
+from kickdyn.ground import Ground, Surface
 from kickdyn.identification.track import Track, check_samples, doubts_of_track, refuse_units
+
+COEFFICIENTS = ("restitution", "friction", "rolling_deceleration")
+"""What the bounces and the rolling say of the ground."""
+
+SMOOTHED, SMOOTHED_FRACTION = 0.1, 0.1
+"""Time after and before a cut in which trackers smooth over the corner [s]; and the fraction of a
+flight that is left out at most at either end."""
+
+
+SegmentKind = StrEnum("SegmentKind", ["FLIGHT", "ROLLING", "REST", "OTHER"])
+"""What the ball does in a part of a track."""
+
+CutReason = StrEnum("CutReason", ["START", "BOUNCE", "TOUCH", "LANDING", "GAP"])
+"""Why a part of a track begins where it does."""
+
+
+ON_GROUND = (SegmentKind.ROLLING, SegmentKind.REST)
+"""What a ball does that stays on the ground."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A part of a track between two cuts.
+
+    Attributes:
+        kind: `flight`, `rolling`, `rest` or `other` (in contact with something, or too short).
+        first, last: index of its first sample, and of the one after its last: `track[first:last]`.
+        begins: why it begins: the `start` of the track, a `bounce` off the ground, a `touch` by a
+            player or an obstacle, a `landing` from which it does not rise, or a `gap`.
+        start: estimated time of the cut at which it begins [s].
+        velocity_before: of the ball just before that cut, shape `(3,)` [m/s]; None at a start.
+        velocity_after: just after it, shape `(3,)` [m/s].
+    """
+
+    kind: SegmentKind
+    first: int
+    last: int
+    begins: CutReason
+    start: float
+    velocity_before: Array | None
+    velocity_after: Array
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return self.last - self.first
+
+
+class Measured(NamedTuple):
+    """A median of several measurements, its standard deviation, their number, kind and unit.
+
+    The median, because a bounce beside a player's foot looks like any other. Where `is_lower_bound`
+    is true, `median` is the largest of several lower bounds, and `deviation` its deviation.
+    """
+
+    median: float
+    deviation: float
+    samples: int
+    kind: str = "bounce"
+    unit: str = ""
+    is_lower_bound: bool = False
+
+    def __str__(self) -> str:
+        measurements = f"{self.samples} {self.kind}{'s' if self.samples > 1 else ''}"
+        if self.is_lower_bound:
+            least = max(self.median - 2.0 * self.deviation, 0.0)
+            return f"at least {least:.2g} (of {measurements})"
+        value = f"{self.median:.3g} +- {self.deviation:.2g} {self.unit}".rstrip()
+        return f"{value} (of {measurements})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Segments(Printed):
+    r"""The parts of a track, and the coefficients of the ground that follow from them.
+
+    Attributes:
+        track: the whole track.
+        parts: the parts, in the order of time.
+        restitution: restitution of the bounces, :math:`-v_z^+ / v_z^-`; None without a bounce.
+        friction: ratio of the impulses along and across the ground,
+            :math:`|\Delta v_{xy}| / \Delta v_z`, of the bounces in which the ball slid to the end.
+            This is seen at the next contact with the ground, which slows the slip that was left. If
+            no ball slid, the largest ratio is a lower bound of friction. None without a bounce.
+        rolling_deceleration: deceleration in the second halves of the parts in which the ball rolls
+            [m/s2], without the drag of the air. A kicked ball slides in the first half. None
+            without such a segment.
+        warnings: lines about what to know before using the numbers; empty if there is nothing.
+    """
+
+    track: Track
+    parts: tuple[Segment, ...]
+    restitution: Measured | None
+    friction: Measured | None
+    rolling_deceleration: Measured | None
+    warnings: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Return a line for each part, and for each coefficient of the ground."""
+        lines = ["kind       samples        time [s]       begins by   speed [m/s]"]
+        for segment in self.parts:
+            begin, end = self.track.times[[segment.first, segment.last - 1]]
+            speed = float(np.linalg.norm(segment.velocity_after))
+            lines.append(
+                f"{segment.kind:9} {segment.first:5}-{segment.last:<5} {begin:8.2f}-{end:<8.2f} "
+                f"{segment.begins:9} {speed:8.2f}"
+            )
+        for name in COEFFICIENTS:
+            value = getattr(self, name)
+            if value is not None:
+                lines.append(f"{name.replace('_', ' ')}: {value}")
+        return "\n".join([*lines, *(f"warning: {line}" for line in self.warnings)])
+
+    @property
+    def flights(self) -> tuple[Track, ...]:
+        """The parts in which the ball flies, without the samples near their cuts.
+
+        Trackers smooth there: samples within 0.1 s of a cut are left out, but at most a tenth at
+        each end.
+        """
+        flights = []
+        for segment in self.parts:
+            times = self.track.times[segment.first : segment.last]
+            margin = min(SMOOTHED, SMOOTHED_FRACTION * float(times[-1] - times[0]))
+            inside = np.flatnonzero((times > times[0] + margin) & (times < times[-1] - margin))
+            if segment.kind is SegmentKind.FLIGHT and inside.size:
+                first, last = segment.first + int(inside[0]), segment.first + int(inside[-1])
+                flights.append(self.track[first : last + 1])
+        return tuple(flights)
+
+    @property
+    def surface(self) -> Surface:
+        """The surface of the ground for `kickdyn.follow`, with the deviations of its coefficients.
+
+        A lower bound of friction has no deviation: with it, the ball grips in all measured bounces.
+
+        Raises:
+            InvalidInput: the track has no bounce or no rolling segment, or the ball speeds up.
+        """
+        rolling = self.rolling_deceleration
+        if rolling is not None and rolling.median < 0.0:
+            raise InvalidInput(
+                f"the rolling ball accelerates by {-rolling.median:.3g} m/s2: the ground must be "
+                "level, and the z axis of the track must point up"
+            )
+        if self.restitution is None or self.friction is None or rolling is None:
+            missing = "bounce" if self.restitution is None else "part in which the ball rolls"
+            raise InvalidInput(f"the track has no {missing}: it does not determine a surface")
+        return Surface(
+            "measured",
+            self.restitution.median,
+            self.friction.median,
+            rolling.median,
+            source=f"{self.restitution.samples} bounces of a measured track",
+            deviations={
+                name: getattr(self, name).deviation
+                for name in COEFFICIENTS
+                if not getattr(self, name).is_lower_bound
+            },
+        )
+
 
 LONGEST_CUBIC = 1.0
 """Longest time that one cubic is fitted to [s]; longer flights are joined afterwards."""
@@ -62,9 +216,6 @@ FRICTION_DEVIATION, ROLLING_DEVIATION = 0.05, 0.3
 """Standard deviations of one bounce's friction and of one part's rolling deceleration [m/s2]: grass
 is not level."""
 
-MOST_FRICTION = 1.0
-"""Ratio of the changes of velocity along and across the ground above which it was no bounce."""
-
 LEAST_FALL, MOST_FALL = 4.0, 22.0
 """Downward accelerations between which a ball flies [m/s2]; lift and drag change gravity."""
 
@@ -79,10 +230,7 @@ class _Samples(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """Samples `first` to `last - 1`, and polynomials in the time from `middle`, `(k, 3)`.
-
-    The cost is the sum of squared residuals over the squared noise.
-    """
+    """Samples `first` to `last - 1`, polynomials in time from `middle`, `(k, 3)`, and the cost."""
 
     first: int
     last: int
@@ -92,7 +240,6 @@ class _Piece(NamedTuple):
 
     @property
     def fall(self) -> float:
-        """Downward acceleration in the middle [m/s2]."""
         return -float(self.derivative(self.middle, 2)[2])
 
     def derivative(self, times: float | Array, order: int) -> Array:
@@ -189,7 +336,6 @@ def _fitted(samples: _Samples, first: int, last: int, degree: int) -> _Piece:
 
 
 def _partition(samples: _Samples, start: int, stop: int) -> list[tuple[int, int]]:
-    """Return the best partition of samples start to stop - 1 into cubics."""
     count, price = stop - start, 12 * math.log(samples.positions.size)
     best = np.full(count + 1, math.inf)  # cost of the samples before
     best[0] = 0.0
@@ -227,8 +373,7 @@ def _cubic_costs(times: Array, points: Array) -> Array:
 def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
     """Return pieces; neighbours are joined if a quintic follows both as well.
 
-    A short piece is divided between its neighbours if two quintics do as well, because a touch that
-    the tracker smooths over is cut twice.
+    A short piece, of a touch that trackers smooth, is divided if two quintics do as well.
     """
     pieces = [_fitted(samples, first, last, 3) for first, last in cuts]
     price = 6 * math.log(samples.positions.size)
@@ -269,7 +414,11 @@ def _described(
         start, before, spread = float(samples.times[piece.first]), None, 0.0
         begins = CutReason.START if i == 0 else CutReason.GAP
         if i > 0 and piece.first not in gaps:
-            start = _meeting_time(samples, pieces[i - 1], piece)
+            # they meet where they are nearest to each other, around the cut between them
+            last, next_one = samples.times[[pieces[i - 1].last - 1, piece.first]]
+            times = np.linspace(2.0 * last - next_one, 2.0 * next_one - last, 61)
+            gaps_there = pieces[i - 1].derivative(times, 0) - piece.derivative(times, 0)
+            start = float(times[int(np.argmin(np.linalg.norm(gaps_there, axis=0)))])
             before, spread = _velocity(samples, pieces[i - 1], start, kinds[i - 1])
         after, deviation = _velocity(samples, piece, start, kind)
         deviations.append((spread, deviation))
@@ -282,7 +431,8 @@ def _described(
                 faster = up - down > 2.0 * math.hypot(spread, deviation)
                 if kind in ON_GROUND:
                     begins = CutReason.LANDING
-                elif up > 0.0 and not faster and along < MOST_FRICTION * (up + down):
+                # a bounce changes the velocity less along the ground than across it
+                elif up > 0.0 and not faster and along < up + down:
                     begins = CutReason.BOUNCE
         first, last = int(samples.indices[piece.first]), int(samples.indices[piece.last - 1]) + 1
         segments.append(Segment(kind, first, last, begins, start, before, after))
@@ -326,15 +476,6 @@ def _kind(samples: _Samples, piece: _Piece, rest_height: float) -> SegmentKind:
         # speed below which a ball on the ground counts as at rest [m/s]
         return SegmentKind.REST if speed < 0.3 else SegmentKind.ROLLING
     return SegmentKind.FLIGHT if LEAST_FALL < piece.fall < MOST_FALL else SegmentKind.OTHER
-
-
-def _meeting_time(samples: _Samples, left: _Piece, right: _Piece) -> float:
-    """Return when two pieces are nearest to each other, around the cut between them [s]."""
-    before, after = samples.times[left.last - 1], samples.times[right.first]
-    margin = after - before
-    times = np.linspace(before - margin, after + margin, 61)
-    distances = np.linalg.norm(left.derivative(times, 0) - right.derivative(times, 0), axis=0)
-    return float(times[int(np.argmin(distances))])
 
 
 def _at_bounces(
@@ -385,7 +526,6 @@ def _at_bounces(
 def _rolling_deceleration(
     samples: _Samples, segments: Iterable[Segment], ball: Ball, air: Air
 ) -> Measured | None:
-    """Return the deceleration of rolling balls without the part by drag [m/s2], or None."""
     decelerations: list[tuple[float, float]] = []
     drag = acceleration_function(ball, air)
     heavier = 1.0 + ball.inertia / (ball.mass * ball.radius**2)
@@ -407,10 +547,7 @@ def _rolling_deceleration(
 
 
 def _median(measurements: Sequence[tuple[float, float]]) -> Measured | None:
-    """Return the median of values, each with its deviation; None without any values.
-
-    The spread is estimated from the values, but not below the median of the deviations.
-    """
+    """Return the median of values with deviations, which bound its own from below, or None."""
     if not measurements:
         return None
     values, deviations = np.array(measurements).T

@@ -57,11 +57,7 @@ LARGEST_DEVIATION = 10.0
 
 
 class SmoothingSpline:
-    """A smoothing spline through configurations q, `(n, nq)`, at times, `(n,)` [s].
-
-    Information matrices are in the tangent space, `(n, nv, nv)`; `growth` is that of the prior
-    [1/s].
-    """
+    """A spline through q, `(n, nq)`, with information matrices; its prior has a growth [1/s]."""
 
     def __init__(
         self, model: Any, times: Array, q: Array, information: Array, growth: float = 0.0
@@ -135,7 +131,6 @@ class SmoothingSpline:
 
 
 def _likely_density(b: Array, penalty: Array, y: Array, variances: Array, median: float) -> float:
-    """Return the most likely density S of one coordinate."""
     gram, right = b.T @ (b / variances[:, None]), b.T @ (y / variances)
 
     def cost(exponent: float) -> float:

@@ -9,7 +9,7 @@ import re
 import struct
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -74,16 +74,6 @@ MISSING = {"", "na", "n/a", "nan", "null", "none"}
 
 MOST_TITLES = 50
 """Lines among which the names of the columns are sought."""
-
-
-@contextlib.contextmanager
-def _long_fields() -> Iterator[None]:
-    """Let the module csv read fields of any length; its default is 131,072 characters."""
-    default = csv.field_size_limit(LARGEST_FILE)
-    try:
-        yield
-    finally:
-        csv.field_size_limit(default)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -171,7 +161,6 @@ class Track(ValueEquality, ReprMixin):
 
     @classmethod
     @validation.check_arguments
-    @_long_fields()
     def from_csv(cls, file: FileName, columns: Sequence[str] = ("t", "x", "y", "z")) -> "Track":
         """Read a track from a file of values in columns, below a row that names the columns.
 
@@ -309,15 +298,24 @@ def cells_of(line: str, separator: str | None) -> list[str]:
     """Return the cells of a line, without blanks and quotation marks around them."""
     if separator is None:
         return line.split()
-    rows = csv.reader([line], delimiter=separator, skipinitialspace=True)
-    return [cell.strip() for cell in next(rows, [])]
+    try:
+        row = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    except csv.Error:  # a field of more than 131,072 characters
+        row = line.split(separator)
+    return [cell.strip() for cell in row]
 
 
 def _find_columns(header: Sequence[str], names: Sequence[str]) -> list[tuple[int, float]]:
     """Return place and unit of the columns for t, x, y, z; none unless each is named once."""
     found = []
     for name, units in zip(names, UNITS, strict=True):
-        split = [_name_and_unit(cell, units) for cell in header]
+        split = list[tuple[str, float]]()
+        for cell in header:
+            match = UNIT.fullmatch(cell[:100])  # the pattern takes long for thousands of blanks
+            unit = (match[2] or match[4]).lower() if match else ""
+            is_unit = match is not None and unit in units
+            name_alone = match[1] or match[3] if match and is_unit else cell
+            split.append((name_alone.casefold(), units[unit] if is_unit else 1.0))
         places = [k for k, cell in enumerate(header) if cell == name]
         meant = TIME if name == "t" else (name.casefold(),)
         places = places or [k for k, (bare, _) in enumerate(split) if bare in meant]
@@ -325,16 +323,6 @@ def _find_columns(header: Sequence[str], names: Sequence[str]) -> list[tuple[int
             return []
         found.append((places[0], split[places[0]][1]))
     return found
-
-
-def _name_and_unit(cell: str, units: Mapping[str, float]) -> tuple[str, float]:
-    """Return the name of a column in lower case, and its unit, 1 where none of the units is."""
-    # letters of a name with its unit: a pattern takes long for thousands of blanks
-    match = UNIT.fullmatch(cell[:100])
-    unit = (match[2] or match[4]).lower() if match else ""
-    if match is None or unit not in units:
-        return cell.casefold(), 1.0
-    return (match[1] or match[3]).casefold(), units[unit]
 
 
 def _rows_of_table(table: Any) -> tuple[Array, list[float]]:
@@ -521,10 +509,7 @@ def _finite_rows(name: str, value: ArrayLike) -> Array:
 
 
 def refuse_units(track: Track, falling: float) -> None:
-    """Raise `InvalidInput` for a ball that moves as in other units than metres and seconds.
-
-    `falling` is its acceleration downwards, by the positions [their unit per s2].
-    """
+    """Raise `InvalidInput` for units other than m and s, by a ball that falls this fast."""
     units = [
         f"{unit} ({size:g} per metre)"
         for unit, size, low, high in OTHER_UNITS

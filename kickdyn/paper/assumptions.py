@@ -57,10 +57,7 @@ def direction(elevation_deg: float, left_deg: float = 0.0) -> Array:
 
 
 def launch_from_force(force: Array, normal: Array) -> tuple[BallState, bool]:
-    """Return the launch of a ball at rest by Eqs. (18)-(21) and whether the contact sticks.
-
-    The force F is that before its part across the normal is limited, shape `(3,)` [N s].
-    """
+    """Return the launch by Eqs. (18)-(21) and a force [N s], and whether the contact sticks."""
     impulse, tangential, sticking = limit_friction(force, normal, FRICTION)
     ball = BallBody(BALL, (normal,))
     return ball.after(BallState(), impulse[None], tangential[None]), sticking

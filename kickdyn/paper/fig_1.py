@@ -73,23 +73,12 @@ def extremes(impacts: list[Impact]) -> dict[str, Impact]:
 
 
 def self_motion(leg: Leg, q: ArrayLike) -> list[Posture]:
-    r"""Follow the postures that share a contact point, a family of one parameter.
+    """Return the postures that share a contact point, a family of one parameter.
 
-    Each step goes along the null space of the contact point's Jacobian, :math:`J \dot q = 0`, and
-    is then corrected back to the point. Fig. 1 of the paper has two such postures.
-
-    Args:
-        leg: a leg without supports, loops and mimic joints, with one joint more than its contact
-            point has directions to move in.
-        q: posture to start from, within the joints' range, shape `(nq,)` [rad].
-
-    Returns:
-        Postures in order along the motion, from one end of a joint's range to the other, at steps
-        of 0.01 rad in joint space; at most 10,000 in each direction.
-
-    Raises:
-        InvalidInput: the leg does not have exactly one degree of self-motion at q, or q is out of
-            range.
+    Each step goes along the null space of the contact point's Jacobian, and is then corrected
+    back to the point. From q, postures go in order from one end of a joint's range to the
+    other, at steps of 0.01 rad in joint space, at most 10,000 each way. Raises `InvalidInput`
+    if q is out of range, or has not one degree of self-motion, of a leg without constraints.
     """
     start = leg.posture(q)
     freedom = leg.nv - int(np.linalg.matrix_rank(start.jacobian, tol=1e-9))
@@ -105,7 +94,6 @@ def self_motion(leg: Leg, q: ArrayLike) -> list[Posture]:
 
 
 def _null(posture: Posture) -> Array:
-    """Return the unit vector of joint velocities that do not move the contact point."""
     return np.asarray(np.linalg.svd(posture.jacobian)[2][-1])
 
 
@@ -124,7 +112,6 @@ def _follow(start: Posture, direction: Array) -> list[Posture]:
 
 
 def _corrected(leg: Leg, q: Array, point: Array) -> Posture | None:
-    """Bring the contact point back by Gauss-Newton; None if it cannot be."""
     for _ in range(20):
         posture = leg.posture(q)
         astray = point - posture.contact_point

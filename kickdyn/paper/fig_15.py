@@ -49,12 +49,11 @@ def learn_launch(
 ) -> tuple[Round, ...]:
     """Return the flights of a learning loop like the paper's (Figs. 13-14).
 
-    The paper prints no update rule. In the simplest reading, the errors of distance [m] and time
-    [s] are added to the command, and Eqs. (24)-(25) turn the command into the next launch, until
-    both errors vanish. The loop also ends at a flight that does not land, a command of no time or
-    of a launch faster than sound, or after a number of rounds; `Round.is_met` of the last round is
-    then False.
-    `kick` returns the flight of a launch velocity; None flies it through the air.
+    The paper prints no update rule. In the simplest reading, the errors of distance [m] and
+    time [s] are added to the command, from which Eqs. (24)-(25) give the next launch, until
+    both vanish. The loop also ends at a flight that does not land, a launch faster than sound,
+    no time, or a number of rounds. `kick` flies a launch velocity; None flies it through the
+    air.
     """
 
     def flown(velocity: Array) -> Flight:

@@ -83,10 +83,9 @@ def items() -> list[Item]:
 
 @cache
 def search(sign: float) -> tuple[Array, Array]:
-    """Return hips and knees of a grid [deg], and effective masses along the attack [kg].
+    """Return hips and knees `(k, 2)` [deg], and effective masses for (a) to (c) `(k, 3)` [kg].
 
-    The foot points down by the printed angles (sign 1) or up by them (sign -1), even beyond the
-    range of the ankle. The shapes are `(k, 2)` and, for (a), (b) and (c), `(k, 3)`.
+    The foot points down by the printed angles (sign 1) or up (sign -1), even beyond its range.
     """
     leg = Leg.human()
     angles = [(hip, knee) for hip in np.arange(-30.0, 126.0, 5.0) for knee in np.arange(141.0)]

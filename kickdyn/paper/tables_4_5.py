@@ -42,9 +42,6 @@ ATTACK = direction(20.0)
 PASSIVE_LIMIT = 2.0
 """Largest ball/foot speed ratio of a passive impact: 1 + e with e = 1, a leg of infinite mass."""
 
-GRID_DEG = 5.0
-"""Step of the search for postures, over the joints' range."""
-
 
 class TestBedKick(NamedTuple):
     """A kick of the test bed: speed [m/s], height of contact [deg], printed distances [m]."""
@@ -70,13 +67,7 @@ NORMALS = np.array([direction(row.contact_deg) for row in (LOW, MIDDLE, HIGH)])
 
 
 class Fit(NamedTuple):
-    """What the rows of 30 and 50 deg determine.
-
-    Attributes:
-        posture: of all that fit, the one with the smallest gain.
-        gain: its (1 + e) s, at most `PASSIVE_LIMIT` in a passive impact.
-        middle: least and largest distance at 40 deg of all postures that fit [m].
-    """
+    """Posture of least gain (1 + e) s of all that fit, its gain, and distances at 40 deg [m]."""
 
     posture: Posture
     gain: float
@@ -116,7 +107,8 @@ def grid() -> tuple[Array, Array]:
     """
     leg = testbed()
     ends = zip(leg.lower, leg.upper, strict=True)
-    axes = [np.arange(low, high + 1e-9, math.radians(GRID_DEG)) for low, high in ends]
+    # step of the search for postures, over the joints' range
+    axes = [np.arange(low, high + 1e-9, math.radians(5.0)) for low, high in ends]
     q = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     pitch = q @ (1.0, -1.0, -1.0)
     foot = np.stack([np.cos(pitch), 0.0 * pitch, np.sin(pitch)], axis=-1)

@@ -15,10 +15,11 @@ from kickdyn.errors import NoImpact
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.motion.motion import Motion
-from kickdyn.robot.collisions import Proximity, ball_proximity
-from kickdyn.robot.striking_shapes import (
+from kickdyn.robot.collisions import (
     FootKind,
+    Proximity,
     StrikingShape,
+    ball_proximity,
     contact_in_joint,
     striking_shapes,
 )

@@ -84,8 +84,7 @@ class Robot:
 def normal_cone(direction: float, low: float, high: float) -> Array:
     """Return rows a of the cone of normals n, a n >= 0, that meet a ball, shape `(4, 3)`.
 
-    They are up to `SIDE` to either side of a direction [rad, to the left of x], and rise by an
-    angle from `low` to `high` [rad].
+    Normals are up to `SIDE` to either side of a direction, and rise from `low` to `high` [rad].
     """
     rows = np.array([
         (np.sin(SIDE), np.cos(SIDE), 0.0),
@@ -139,10 +138,7 @@ def robots_folder() -> Path:
     for file in files:
         if file.as_posix().endswith("share/example-robot-data/package.xml"):
             return Path(str(file.locate())).resolve().parent / "robots"
-    raise InvalidInput(
-        f'robots need the package {PACKAGE}: install it with pip install "kickdyn[robots]" '
-        f"(there are {listed(list(ROBOTS))})"
-    )
+    raise InvalidInput(f'robots need {PACKAGE}, pip install "kickdyn[robots]": {listed([*ROBOTS])}')
 
 
 def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:

@@ -1,10 +1,12 @@
-"""Bodies of a robot inside each other or inside a ball, by coal, Pinocchio's collision library.
+"""Bodies of a robot inside each other or a ball, and shapes that strike a ball, by coal.
 
 `ConvexBase.convexHull` of coal 3.0.3 ends the process with a segmentation fault for flat hulls (at
 a thickness of 1e-7 of the size, not yet at 1e-4), which are therefore made `THICKNESS` thick.
 """
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -15,10 +17,11 @@ from numpy.typing import NDArray
 
 from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array
-from kickdyn.robot.ground_clearance import LARGEST_MESH, Spheres, body_frames, shapes_of
+from kickdyn.robot.ground_clearance import LARGEST_MESH, Spheres, body_frames, shapes_of, spheres_of
 from kickdyn.robot.leg import Leg, Posture
-from kickdyn.robot.robot_file import read_xml
-from kickdyn.robot.standing import rest_configuration
+from kickdyn.robot.names import listed
+from kickdyn.robot.robot_file import RobotFile, Visual, read_xml
+from kickdyn.robot.standing import joint_bodies, rest_configuration
 
 TOUCHING = 5e-3
 """Depth up to which a body counts as touching the ball or another body [m].
@@ -38,10 +41,7 @@ THICKNESS = 1e-3
 
 
 class CollisionBody(NamedTuple):
-    """A convex shape of coal, with its `pin.SE3` in the frame of a name.
-
-    Its origin is in its middle; `reach` is its largest distance from there [m].
-    """
+    """A convex shape of coal, its `pin.SE3` in a named frame, and its reach from its middle [m]."""
 
     frame: str
     shape: Any
@@ -50,13 +50,7 @@ class CollisionBody(NamedTuple):
 
 
 class Proximity(NamedTuple):
-    """How a body is placed beside a ball or another body.
-
-    Attributes:
-        depth: of the body in the other [m]; below 0 is the distance.
-        point: of the body, nearest to the other or deepest in it, `(3,)` [m, world frame].
-        normal: from there into the other, shape `(3,)` [world frame].
-    """
+    """Depth of a body in another [m], its point there, and the normal into the other, `(3,)`."""
 
     depth: float
     point: Array
@@ -298,8 +292,8 @@ def _includes(bodies: Sequence[CollisionBody], point: Array) -> bool:
 def disabled_pairs(leg: Leg) -> set[frozenset[str]]:
     """Return the pairs of links that the SRDF of a leg's file disables; none without one.
 
-    It lies beside the file or in the folder `srdf` beside its folder, under the name of the file or
-    of the robot. Raises `FaultyFile` if it is not XML.
+    It lies beside the file or in a folder `srdf` beside its folder, named as the file or the
+    robot.
     """
     if leg.file is None:
         return set()
@@ -309,3 +303,89 @@ def disabled_pairs(leg: Leg) -> set[frozenset[str]]:
     srdf = next((path for path in paths if path.stem.lower() in names), None)
     pairs = () if srdf is None else read_xml(srdf, str(srdf)).iter("disable_collisions")
     return {frozenset((pair.get("link1", ""), pair.get("link2", ""))) for pair in pairs}
+
+
+FAR = 0.01
+"""Distance from the ball [m] from which on shapes for contacts do not stand for the foot."""
+
+
+FootKind = StrEnum("FootKind", {"SHAPES": "shapes", "PLATE": "plate"})
+"""What strikes the ball: the shapes of the foot, or a plate at the contact point."""
+
+
+class StrikingShape(NamedTuple):
+    """A shape, the file's visual, its pose `(4, 4)` and spheres, in axes of the contact joint."""
+
+    body: CollisionBody
+    visual: Visual
+    pose: Array
+    spheres: Spheres
+
+
+def contact_in_joint(posture: Posture, normal: Array) -> tuple[Array, Array]:
+    """Return a contact point [m] and a normal, given in world axes, in the contact joint's axes."""
+    return posture.contact_lever, posture.rotation_world_joint.T @ normal
+
+
+def striking_shapes(
+    robot: Leg, point: Array, normal: Array, radius: float
+) -> tuple[list[StrikingShape], list[str]]:
+    """Return the shapes of a foot that strike a ball, and a line for each doubt about them.
+
+    The planned contact is from `contact_in_joint`; `radius` is the ball's [m].
+    """
+    file = robot.file
+    if file is None:
+        return [], [f"{robot.name} has no shapes"]
+    shapes, lines = _read(robot, file, file.collisions_by_frame)
+    gap, doubts = _meet(shapes, point, normal, radius)
+    if gap > FAR:
+        drawn, unread = _read(robot, file, file.visuals_by_frame)
+        nearer, others = _meet(drawn, point, normal, radius)
+        if nearer < gap:
+            what = f"shapes for contacts {1e3 * gap:.0f} mm from the ball at the planned impact"
+            what = what if shapes else "no shapes for contacts"
+            line = f"the foot of {robot.name} has {what}: those that are drawn strike the ball"
+            return drawn, [*lines, line, *unread, *others]
+        if not shapes:
+            return [], [*lines, *unread, f"the foot of {robot.name} has no shapes"]
+    return shapes, lines + doubts
+
+
+def _meet(
+    shapes: list[StrikingShape], point: Array, normal: Array, radius: float
+) -> tuple[float, list[str]]:
+    """Return how far shapes are from the ball at the planned impact [m], and what is doubtful."""
+    if not shapes:
+        return math.inf, []
+    meets = [ball_proximity(shape.body, point + radius * normal, radius) for shape in shapes]
+    nearest = max(meets, key=lambda one: one.depth)
+    gap, angle = -nearest.depth, math.acos(np.clip(nearest.normal @ normal, -1.0, 1.0))
+    # angle between the normals of the foot's shapes and of the planned impact that is named [rad]
+    if abs(gap) <= TOUCHING and angle <= math.radians(5.0):
+        return gap, []
+    where = "from the ball" if gap > 0.0 else "inside the ball"
+    return gap, [
+        f"at the planned impact, the foot is {1e3 * abs(gap):.0f} mm {where}, with a normal "
+        f"{math.degrees(angle):.0f} deg off the planned one: the contact point is not on its shapes"
+    ]
+
+
+def _read(
+    robot: Leg, file: RobotFile, visuals: dict[str, list[Visual]]
+) -> tuple[list[StrikingShape], list[str]]:
+    """Return the shapes at the foot, and a line if some of them cannot be read."""
+    frames, shapes, unread = robot.workspace.model.frames, list[StrikingShape](), dict[str, str]()
+    for name, number in joint_bodies(robot, robot.contact_joint).items():
+        pose = frames[number].placement.homogeneous
+        for visual in visuals.get(name, []):
+            spheres = spheres_of(file, visual)
+            if isinstance(spheres, str):
+                unread[name] = spheres
+            else:
+                moved = spheres.moved(pose)
+                shape = StrikingShape(body_of(name, moved), visual, pose @ visual.pose, moved)
+                shapes.append(shape)
+    reason, others = next(iter(unread.values()), ""), ": others are used" if shapes else ""
+    line = f"the shape of {listed([*unread], 5)} is not known ({reason}){others}"
+    return shapes, [line] if unread else []

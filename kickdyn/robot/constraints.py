@@ -55,15 +55,13 @@ class Support(ValueEquality):
 
     def __post_init__(self) -> None:
         validation.check_type(str, frame=self.frame)
-        object.__setattr__(self, "point", validation.flag(f"point of {self.frame}", self.point))
+        vars(self).update(point=validation.flag(f"point of {self.frame}", self.point))
         if self.friction is not None:
             friction = validation.number(f"friction under {self.frame}", self.friction, at_least=0)
-            object.__setattr__(self, "friction", friction)
-        if self.sole is not None:
-            object.__setattr__(self, "sole", self._checked_sole(self.sole))
-
-    def _checked_sole(self, sole: Array) -> Array:
-        corners = validation.floats(f"sole of {self.frame}", sole, unit="m")
+            vars(self).update(friction=friction)
+        if self.sole is None:
+            return
+        corners = validation.floats(f"sole of {self.frame}", self.sole, unit="m")
         if self.point or corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 3:
             raise InvalidInput(
                 f"sole of {self.frame} has shape {corners.shape}: it must be (k, 3), the corners "
@@ -71,11 +69,9 @@ class Support(ValueEquality):
             )
         extent = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
         if not extent[1] > 1e-6 * extent[0]:  # least width of a sole, as a fraction of its length
-            raise InvalidInput(
-                f"sole of {self.frame} is {corners.tolist()}: its corners must span an area"
-            )
+            raise InvalidInput(f"sole of {self.frame} is a line: its corners must span an area")
         corners.setflags(write=False)
-        return corners
+        vars(self).update(sole=corners)
 
     @property
     def size(self) -> int:
@@ -118,19 +114,11 @@ class ConstraintBlock(NamedTuple):
 class Constraints:
     """The supports, loops, mimic joints and stiff joints of a leg, looked up in its model.
 
-    Attributes:
-        supports: as given.
-        loops: pairs of frames whose origins coincide.
-        gears: the mimic joints.
-        stiff_joints: indices in v of the stiff joints.
-        sizes: number of rows of each, in this order; 1 for a mimic joint or a stiff joint.
-        starts: first row of each, and the number of all rows, `size`, at the end.
-        loop_rows, gear_rows, stiff_rows: rows of loops, mimic joints and stiff joints in A.
-        names: what each of them is called in messages.
-
-    Raises:
-        InvalidInput: an unknown frame, one given twice, a support on the kicking limb or on the
-            base, or a loop between frames of one body.
+    Each has as many rows of A as its entry of `sizes`, 1 of a mimic or stiff joint, from its
+    entry of `starts` on; `size` is the number of all. `loop_rows`, `gear_rows` and `stiff_rows`
+    are slices of A, `stiff_joints` indices in v, `names` for messages. Raises `InvalidInput`
+    for an unknown frame, one given twice, a support on the kicking limb or on the base, or a
+    loop in one body.
     """
 
     def __init__(
@@ -423,7 +411,6 @@ def _is_open(gaps: Array) -> bool:
 
 
 def _check_stance(model: Any, name: str, joint: int, contact_joint: int) -> None:
-    """Raise `InvalidInput` for a support that is on the base or on the kicking limb."""
     if joint == 0:
         raise InvalidInput(f"support {name} is fixed to the base: it stands already")
     # a floating base is on every path, and no limb
@@ -431,7 +418,4 @@ def _check_stance(model: Any, name: str, joint: int, contact_joint: int) -> None
     below = joint != base and joint in list(model.supports[contact_joint])
     above = contact_joint != base and contact_joint in list(model.supports[joint])
     if joint == contact_joint or below or above:
-        raise InvalidInput(
-            f"support {name} is on the kicking limb, which moves "
-            f"{model.names[contact_joint]}: name a frame of another limb"
-        )
+        raise InvalidInput(f"support {name} is on the kicking limb: name a frame of another limb")

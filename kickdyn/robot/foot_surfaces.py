@@ -67,7 +67,13 @@ def kick_with(leg: Leg, surface: str | FootSurface) -> Leg:
         if surface not in SURFACES:
             raise InvalidInput(f"surface {surface!r} is unknown: choose {', '.join(SURFACES)}")
         surface = foot_surfaces(leg)[surface]
-        leg = _with_doubt(leg)
+        hull = _foot_hull(leg)
+        along, across = (hull.max_bound - hull.min_bound)[:2]
+        if across > LONGER * along:
+            leg = leg.with_warnings(
+                f"the foot is {along:.3g} m long along x and {across:.3g} m along y: a robot that "
+                "faces y or -y is turned by facing='y' or '-y' (--facing)"
+            )
     model, (x, y, _) = leg.model, np.asarray(surface.normal)
     if surface.name not in frames_by_name(model):
         add_contact_points(model, leg.frame, {surface.name: surface.point})
@@ -129,19 +135,6 @@ def _foot_hull(leg: Leg) -> ConvexHull:
         ) from None
 
 
-def _with_doubt(leg: Leg) -> Leg:
-    """Return the leg with a warning if its foot is longer across than along x."""
-    hull = _foot_hull(leg)
-    along, across = (hull.max_bound - hull.min_bound)[:2]
-    if across <= LONGER * along:
-        return leg
-    line = (
-        f"the foot is {along:.3g} m long along x and {across:.3g} m along y: a robot that faces y "
-        "or -y is turned by facing='y' or '-y' (--facing)"
-    )
-    return leg.with_warnings(line)
-
-
 def _contact_point(hull: ConvexHull, normals: Array) -> Array:
     """Return the point of a hull that planes with normals overlap least, `(3,)` [m]."""
     reach = (hull.points[hull.vertices] @ normals.T).max(axis=0)
@@ -168,10 +161,7 @@ def _size(hull: ConvexHull, normal: Array) -> Array:
 
 
 def load_with_surface(frame: str | None, load: Callable[[str | None], Leg]) -> Leg:
-    """Return the leg that `load` returns for FRAME, FRAME:SURFACE or FRAME:X,Y,Z:NX,NY,NZ.
-
-    Names of frames may contain colons; the longest one that exists counts.
-    """
+    """Return what `load` returns for the longest frame in FRAME[:SURFACE|:X,Y,Z:NX,NY,NZ]."""
     names = list(accumulate((frame or "").split(":"), "{}:{}".format))
     faults = []
     for name in names:

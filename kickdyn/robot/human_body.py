@@ -40,19 +40,9 @@ from kickdyn.errors import InvalidInput
 from kickdyn.robot.catalog import SURFACES, TOE, normal_cone
 from kickdyn.robot.urdf_file import UrdfFile, build_model, read_urdf, shipped_urdf
 
-
-class Sex(StrEnum):
-    """Sex of the persons whose segments were measured."""
-
-    FEMALE = "female"
-    MALE = "male"
-
-
-class Tables(StrEnum):
-    """Published tables of segments."""
-
-    DE_LEVA = "de Leva"
-    DUMAS = "Dumas"
+Sex = StrEnum("Sex", {"FEMALE": "female", "MALE": "male"})
+Tables = StrEnum("Tables", {"DE_LEVA": "de Leva", "DUMAS": "Dumas"})
+"""Sex of the persons whose segments were measured, and published tables of segments."""
 
 
 class BodySegment(NamedTuple):
@@ -146,16 +136,14 @@ DUMAS_AXES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """Axes x forward, y left, z up by those of Dumas."""
 
 
-YEADON_SEGMENTS = ("P", "J1", "J2", "K1", "K2")
-"""Attributes of a `yeadon.Human`: pelvis, left thigh and lower leg, and the right ones."""
-
 YEADON_FOOT = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 """Axes of a foot that lies forward by the axes of one that points down."""
 
 
 def segments(source: Any, sex: Sex, side: str, height: float) -> dict[str, BodySegment]:
     """Return the segments of a table, or of a `yeadon.Human` [m by this height], by link."""
-    if all(hasattr(source, name) for name in YEADON_SEGMENTS):
+    # attributes of a `yeadon.Human`: pelvis, left thigh and lower leg, and the right ones
+    if all(hasattr(source, name) for name in ("P", "J1", "J2", "K1", "K2")):
         return _yeadon(source, side, height)
     if validation.choice("segments", source, Tables) is Tables.DUMAS:
         return {link: _dumas(link, row, sex) for link, row in DUMAS[sex].items()}
@@ -315,10 +303,17 @@ def human_leg(
             share * mass, mirror * end * height, mirror * centre * height, tensor
         )
     _set_size(root, sized, height)
-    for joint, strength in STRENGTH[kind].items():
+    for name, strength in STRENGTH[kind].items():
         torque = strength * mass * GRAVITY * height
-        _find(root, f"joint[@name='{joint}']/limit").set("effort", repr(torque))
-    _add_contact_points(root, medial)
+        _find(root, f"joint[@name='{name}']/limit").set("effort", repr(torque))
+    mesh = next(mesh for mesh in root.iter("mesh") if mesh.get("filename", "").endswith("boot.stl"))
+    stretch = _numbers(mesh.get("scale", "")) * (1.0, medial, 1.0)
+    for name, point in CONTACT_POINTS.items():
+        SubElement(root, "link", name=name)
+        joint = SubElement(root, "joint", name=f"{name}_fixed", type="fixed")
+        SubElement(joint, "parent", link="foot")
+        SubElement(joint, "child", link=name)
+        SubElement(joint, "origin", xyz=_text(stretch * point))
     if joints is HumanModel.SPATIAL:
         for name, (before, axis, degrees) in SPATIAL_JOINTS.items():
             _add_joint(root, name, before, _text(medial * np.array(axis)), degrees)
@@ -339,7 +334,6 @@ def human_leg(
 
 
 def _set_size(root: Element, sized: Mapping[str, BodySegment], height: float) -> None:
-    """Give thigh, shank and foot of the template the size of segments."""
     thickness = height / TEMPLATE_HEIGHT
     ends = {"thigh": "knee", "shank": "ankle", "foot": "toe_fixed"}
     for link, distal in ends.items():
@@ -359,7 +353,6 @@ def _set_size(root: Element, sized: Mapping[str, BodySegment], height: float) ->
 
 
 def _inertial(segment: BodySegment) -> Element:
-    """Return the element with mass [kg], centre [m] and inertia tensor [kg m2] of a segment."""
     inertial = Element("inertial")
     SubElement(inertial, "origin", xyz=_text(segment.centre))
     SubElement(inertial, "mass", value=repr(float(segment.mass)))
@@ -376,17 +369,6 @@ def _stretch_shapes(link: Element, stretch: tuple[float, ...]) -> None:
         is_pin = mesh.get("filename", "").endswith("pin.stl")
         by = np.full(3, stretch[1]) if is_pin else np.array(stretch)
         mesh.set("scale", _text(by * _numbers(mesh.get("scale", "1 1 1"))))
-
-
-def _add_contact_points(root: Element, medial: float) -> None:
-    mesh = next(mesh for mesh in root.iter("mesh") if mesh.get("filename", "").endswith("boot.stl"))
-    stretch = _numbers(mesh.get("scale", "")) * (1.0, medial, 1.0)
-    for name, point in CONTACT_POINTS.items():
-        SubElement(root, "link", name=name)
-        joint = SubElement(root, "joint", name=f"{name}_fixed", type="fixed")
-        SubElement(joint, "parent", link="foot")
-        SubElement(joint, "child", link=name)
-        SubElement(joint, "origin", xyz=_text(stretch * point))
 
 
 def _add_joint(
@@ -411,7 +393,6 @@ def _add_joint(
 
 
 def _find(element: Element, path: str) -> Element:
-    """Return an element of the template, which has it."""
     return next(element.iterfind(path))
 
 

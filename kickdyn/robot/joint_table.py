@@ -57,10 +57,7 @@ class Mimic(NamedTuple):
 
 
 def resolve_mimics(mimics: Iterable[Mimic]) -> tuple[Mimic, ...]:
-    """Return mimic joints of which each has a driver that mimics none.
-
-    Raises `InvalidInput` for joints that mimic each other.
-    """
+    """Return mimic joints whose drivers mimic none, or raise `InvalidInput` for a loop of them."""
     resolved, couplings = [], {mimic.joint: mimic for mimic in mimics}
     for joint, (_, driver, *line, higher) in couplings.items():
         polynomial, passed = Polynomial([*line[::-1], *higher]), {joint}

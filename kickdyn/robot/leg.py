@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import blas
+from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
 from kickdyn.core.mechanics import cross3
@@ -19,7 +19,6 @@ from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.catalog import ROBOTS, TOE, find_description, read_robot
 from kickdyn.robot.constraints import ConstraintProjector, find_open_loops
 from kickdyn.robot.human_body import human_leg
-from kickdyn.robot.joint_space import JointSpace
 from kickdyn.robot.joint_table import DEGREES, InDegrees, look_like_degrees
 from kickdyn.robot.leg_model import Drives, LegModel, catalogued_drives
 from kickdyn.robot.mjcf_file import is_mjcf, read_mjcf
@@ -408,12 +407,13 @@ class Leg(LegModel, ReprMixin):
 
 
 @dataclass(eq=False, repr=False)  # not frozen, which would take a microsecond more
-class Posture(JointSpace, ReprMixin):
+class Posture(ReprMixin):
     r"""A leg at a configuration `q`, with its kinematics and inertia; `Leg.posture` makes it.
 
     With the joint-space inertia M and the Jacobian J of the contact point, an impulse p on the foot
     changes the velocity of the contact point by :math:`J M^{-1} J^T p`. The matrix is named after
-    Delassus.
+    Delassus. With the Cholesky factor of :math:`M = L L^T`, the columns of :math:`L^{-1} J^T` are
+    whitened: their inner products are its entries, and constraints are orthogonal projections.
 
     Attributes:
         leg: the leg.
@@ -444,6 +444,115 @@ class Posture(JointSpace, ReprMixin):
     contact_offset: Array | None = None
     _doubts: tuple[str, ...] = ()
     _whitened: Array | None = field(default=None, init=False)
+
+    @cached_property
+    def condition(self) -> float:
+        """Condition number of M in the 1-norm, scaled to unit diagonal (LAPACK's estimate).
+
+        Neither a light toe on a heavy leg nor metres beside radians cost the factor digits. It is
+        inf if M is not positive definite.
+        """
+        factor = self._cholesky
+        if not (factor.diagonal() > 0.0).all():
+            return math.inf
+        scale = 1.0 / np.sqrt(self.inertia.diagonal())
+        scaled, root = self.inertia * scale * scale[:, None], factor * scale[:, None]
+        reciprocal, _ = lapack.dpocon(root, lapack.dlange("1", scaled), uplo="L")
+        return 1.0 / float(reciprocal) if reciprocal else math.inf
+
+    @property
+    def jacobian_norm(self) -> float:
+        """Frobenius norm of the Jacobian J, in its own units."""
+        entries = self.jacobian.ravel()
+        return math.sqrt(entries.dot(entries))
+
+    @property
+    def whitened_jacobian(self) -> Array:
+        r"""Return :math:`J L^{-T}` with :math:`M = L L^T`, shape `(3, nv)` [world frame].
+
+        With constraints, it is projected on the velocity jumps that they allow in an impact.
+        """
+        if self._whitened is None:  # not a cached_property: its lock would take 2 us
+            columns = self._whiten(self.jacobian)
+            if self.constraint_projector is not None:
+                columns = self.constraint_projector.project(columns)
+            protect(columns)
+            self._whitened = columns.T
+        return self._whitened
+
+    def whiten(self, jacobian: ArrayLike) -> Array:
+        r"""Return :math:`L^{-1} J^T` of any Jacobian, `(rows, nv)`, as for `whitened_jacobian`."""
+        rows = validation.floats("jacobian", jacobian)
+        if rows.ndim != 2 or rows.shape[1] != len(self.inertia):
+            raise InvalidInput(
+                f"jacobian has shape {rows.shape}: it must have rows of length {len(self.inertia)}"
+            )
+        columns, projector = self._whiten(rows), self.constraint_projector
+        return columns if projector is None else projector.project(columns)
+
+    def delassus(self) -> Array:
+        r"""Return :math:`J M^{-1} J^T` at the contact point, shape `(3, 3)` [1/kg, world frame]."""
+        factor = self.whitened_jacobian
+        return np.asarray(factor.dot(factor.T))
+
+    @cached_property
+    def rounding_gain(self) -> float:
+        r"""Factor by which the relative rounding of M can grow in `delassus`; about 1 as a rule.
+
+        An error of M by e of its diagonal, E, changes the inverse mass along an axis by
+        :math:`x^T E x` with :math:`x = M^{-1} J^T`: at most
+        :math:`e\,(\sum_i \sqrt{M_{ii}}\,|x_i|)^2`.
+        """
+        whitened = self.whitened_jacobian.T
+        x = blas.dtrsm(1.0, self._cholesky, whitened, lower=1, trans_a=1)
+        sums = np.sqrt(self.inertia.diagonal()).dot(abs(x)).tolist()
+        squares = (whitened * whitened).sum(axis=0).tolist()
+        shares = [a * a / b for a, b in zip(sums, squares, strict=True) if b]
+        return max(shares, default=1.0)
+
+    def effective_mass(self, normal: ArrayLike) -> float:
+        r"""Return :math:`1 / (n^T J M^{-1} J^T n)` [kg]; inf if the leg cannot move along n.
+
+        Stiff joints hold; `without_stiff_joints` has the effective mass with these joints free.
+
+        Args:
+            normal: direction n, shape `(3,)` of any length but zero [world frame].
+        """
+        row = validation.direction("normal", normal).dot(self.whitened_jacobian)
+        inverse = float(row.dot(row))
+        return 1.0 / inverse if inverse else math.inf
+
+    def solve(self, joint_impulse: ArrayLike) -> Array:
+        r"""Return the velocity jump :math:`M^{-1} f` after a joint-space impulse f, shape `(nv,)`.
+
+        Supports and loops take part. Without them, f may have n columns, and so has the result.
+        """
+        return self.respond(joint_impulse)[0]
+
+    def respond(self, joint_impulse: ArrayLike) -> tuple[Array, Array]:
+        """Return the velocity jump that `solve` returns, and the impulses of supports and loops.
+
+        The impulses are stacked as in `constraint_projector.rows`, shape `(rows,)` [N s, N m s,
+        world axes]. Where several sets of them have the same effect, they are the smallest ones.
+        """
+        free, nv = self.constraint_projector is None, len(self.inertia)
+        if free and isinstance(joint_impulse, np.ndarray) and joint_impulse.shape[:-1] == (nv,):
+            joint_impulse = validation.floats("joint impulse", joint_impulse)  # one per column
+        else:
+            joint_impulse = validation.vector("joint impulse", joint_impulse, nv)
+        if self.constraint_projector is None:
+            v, _ = lapack.dpotrs(self._cholesky, joint_impulse, lower=1)
+            return np.asarray(v), np.zeros(0)
+        whitened = blas.dtrsv(self._cholesky, joint_impulse, lower=1)
+        allowed = self.constraint_projector.project(whitened)
+        jump = blas.dtrsv(self._cholesky, allowed, lower=1, trans=1)
+        return np.asarray(jump), self.constraint_projector.impulses(whitened)
+
+    def _whiten(self, rows: Array) -> Array:
+        # not dtrtrs: OpenBLAS runs it in threads however small, milliseconds on a busy machine;
+        # of side=0 and lower=1, the names would take a fifth of the time
+        whitened: Array = blas.dtrsm(1.0, self._cholesky, rows.T, 0, 1)
+        return whitened
 
     def with_contact_offset(self, offset: ArrayLike | None) -> "Posture":
         """Return this posture with its contact point elsewhere on the foot.
@@ -520,11 +629,11 @@ class Posture(JointSpace, ReprMixin):
         drive is a free one with its rotor; far above, a stiff one.
         """
         time = validation.number("contact time", contact_time, at_least=0, unit="s")
-        numbers = {}
-        for joint, drive in self.leg.compliant_drives.items():
-            inertia = self.inertia.diagonal()[self.leg.velocity_index(joint)]
-            numbers[joint] = time * math.sqrt(drive.stiffness / inertia)
-        return numbers
+        inertias, index = self.inertia.diagonal(), self.leg.velocity_index
+        return {
+            joint: time * math.sqrt(drive.stiffness / inertias[index(joint)])
+            for joint, drive in self.leg.compliant_drives.items()
+        }
 
     @property
     def transport_velocity(self) -> Array:

@@ -229,12 +229,11 @@ class LegModel(JointTable):
             vars(self).update(contact_normal_cone=read_only(cone))
         if self.base_velocity is not None:
             twist = validation.vector("base velocity", self.base_velocity, 6)
-            for what, velocity, unit in (
-                ("speed of the base", twist[:3], "m/s"),
-                ("angular speed of the base", twist[3:], "rad/s"),
+            names = ("speed of the base", "angular speed of the base")
+            for name, velocity, unit in zip(
+                names, twist.reshape(2, 3), ("m/s", "rad/s"), strict=True
             ):
-                # largest speed [m/s] and angular speed [rad/s] of a base that moves
-                validation.number(what, math.hypot(*velocity), at_most=100.0, unit=unit)
+                validation.number(name, math.hypot(*velocity), at_most=100.0, unit=unit)
             vars(self).update(base_velocity=read_only(twist) if twist.any() else None)
         if self.base_velocity is not None and (self.supports or has_floating_base(self._model)):
             raise InvalidInput(
@@ -339,18 +338,17 @@ class LegModel(JointTable):
             return self
         model, entries = self.model, list(listed.values())
         numbers = self.expand_joint_names({name: k for k, name in enumerate(listed)})
+        by_joint = {joint: entries[int(number)] for joint, number in numbers.items()}
         for attribute, limit in (
             ("armature", "reflected_inertia"),
             ("effortLimit", "torque_limit"),
             ("velocityLimit", "speed_limit"),
         ):
             values = getattr(model, attribute).copy()
-            for joint, number in numbers.items():
-                value = getattr(entries[int(number)], limit)
-                if value is not None:
+            for joint, drive in by_joint.items():
+                if (value := getattr(drive, limit)) is not None:
                     values[self.velocity_index(joint)] = value
             setattr(model, attribute, values)
-        by_joint = {joint: entries[int(number)] for joint, number in numbers.items()}
         return replace(self.with_model(model), drives={**self.drives, **by_joint})
 
     def _with_drives_of(self, drives: Drives | bool, usual: Path | None = None) -> Self:

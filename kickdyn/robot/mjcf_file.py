@@ -75,12 +75,7 @@ _lock = threading.Lock()  # MuJoCo's handler of warnings belongs to the whole pr
 
 @dataclass(frozen=True)
 class MjcfFile(RobotFile):
-    """An MJCF document that passed every check, included files in their places.
-
-    Attributes:
-        meshes: content of the mesh files, by the names that they have in `text`.
-        name: of the model.
-    """
+    """An MJCF document that passed every check, its `name`, and its meshes by names in `text`."""
 
     meshes: dict[str, bytes] = field(default_factory=dict, repr=False)
     name: str = ""
@@ -203,10 +198,7 @@ def is_mjcf(path: str | PathLike[str]) -> bool:
 def read_mjcf(
     path: str | PathLike[str], package_dirs: Iterable[str | PathLike[str]] = ()
 ) -> MjcfFile:
-    """Read and check an MJCF file, the files that it includes, and its meshes, by `PackageFiles`.
-
-    Raises `MjcfError` with the first fault of the file, or `InvalidInput` if `path` is no path.
-    """
+    """Read and check an MJCF file with all it names, or raise `MjcfError` with the first fault."""
     file, source = robot_path("MJCF", path), str(path)
     try:
         return _checked_file(file, source, list_folders(package_dirs))
@@ -217,7 +209,6 @@ def read_mjcf(
 
 
 def _checked_file(file: Path, source: str, folders: Iterable[Path]) -> MjcfFile:
-    """Return the checked document; faults are raised as `ValueError`."""
     root, folder = read_xml(file, source, MjcfError), file.resolve().parent
     if root.tag == "robot":
         raise ValueError("is a URDF, its root is <robot>: Leg.from_urdf reads it")
@@ -232,10 +223,7 @@ def _checked_file(file: Path, source: str, folders: Iterable[Path]) -> MjcfFile:
                 raise ValueError(fault)
     elements = _count_elements(root)
     if elements > MAX_ELEMENTS:
-        raise ValueError(
-            f"has {elements} elements, copies of <replicate> included: at most {MAX_ELEMENTS} "
-            "are read"
-        )
+        raise ValueError(f"has {elements} elements with copies: at most {MAX_ELEMENTS} are read")
     meshes = _take_meshes(root, files, folder)  # the document names them anew
     text, name = tostring(root, encoding="unicode"), root.get("model", "") or file.stem
     return MjcfFile(text, folder, source, meshes=meshes, name=name)

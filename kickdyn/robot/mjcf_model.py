@@ -102,7 +102,18 @@ class _Builder:
                     self._add_frame(element.name, body, seen.xpos, seen.xmat)
         self._set_limits()
         self.locked = expand_patterns(dict.fromkeys(locked, 0.0), sorted(self.taken))
-        self._check_one_base()
+        added = len(self.numbers) < self.model.njoints - 1  # a floating base
+        roots = [
+            str(self.model.names[joint])
+            for joint, theirs in self.numbers.items()
+            if added and not compiled.body_parentid[compiled.jnt_bodyid[theirs]]
+        ]
+        if moving := [name for name in roots if name not in self.locked]:
+            raise InvalidInput(
+                f"base is 'floating', but joints of the file ({', '.join(moving)}) move its root "
+                "body already, and are its base: read it with base='fixed' (in commands, without "
+                "--support), or lock them (locked=, --lock)"
+            )
         self.loops: list[tuple[str, str]] = []
         self.mimics: list[Mimic] = []
         self._add_constraints()
@@ -202,27 +213,8 @@ class _Builder:
         model.velocityLimit, model.effortLimit = np.full(model.nv, math.inf), effort
         model.armature = armature
 
-    def _check_one_base(self) -> None:
-        """Raise `InvalidInput` for a floating base whose body other joints of the file move."""
-        if len(self.numbers) == self.model.njoints - 1:
-            return  # no base was added
-        roots = [
-            str(self.model.names[joint])
-            for joint, theirs in self.numbers.items()
-            if not self.compiled.body_parentid[self.compiled.jnt_bodyid[theirs]]
-        ]
-        if moving := [name for name in roots if name not in self.locked]:
-            raise InvalidInput(
-                f"base is 'floating', but joints of the file ({', '.join(moving)}) move its root "
-                "body already, and are its base: read it with base='fixed' (in commands, without "
-                "--support), or lock them (locked=, --lock)"
-            )
-
     def _add_constraints(self) -> None:
-        """Add a loop for each `<connect>` of two bodies, and a mimic for each joint that follows.
-
-        Raises `InvalidInput` for others that have an effect on a joint that is not locked.
-        """
+        """Add loops and mimics; raise `InvalidInput` for others on joints that are not locked."""
         import mujoco
 
         compiled = self.compiled
@@ -284,10 +276,7 @@ def _pose(position: Array, rotation: Array) -> Any:
 
 
 def effort_limits(compiled: Any) -> Array:
-    """Return the largest torque or force at every joint, shape `(njnt,)` [N m or N], or inf.
-
-    `Leg.from_mjcf` says which; a range with unequal ends counts with the smaller one.
-    """
+    """Return the largest torque of each joint, `(njnt,)` [N m or N], as `Leg.from_mjcf` says."""
     reach, driven = np.zeros(compiled.njnt), np.zeros(compiled.njnt, dtype=bool)
     for number in range(compiled.nu):
         if compiled.actuator_trntype[number] not in ACTUATED_JOINTS:

@@ -52,10 +52,7 @@ def frame_id(model: Any, name: str) -> int:
 
 
 def frames_by_name(model: Any) -> dict[str, int]:
-    """Return the numbers of all frames but the universe.
-
-    Of several frames with one name, it is a body's, else any but a joint's, and the first of these.
-    """
+    """Return the numbers of frames; of one name, a body's, else of no joint, else the first."""
     ranks = {pin.FrameType.BODY: 2, pin.FrameType.JOINT: 0}
     numbered = list(enumerate(model.frames))[:0:-1]  # the first frame of a name replaces the others
     numbered.sort(key=lambda pair: ranks.get(pair[1].type, 1))
@@ -73,7 +70,14 @@ def check_model(model: Any) -> None:
             "the ball flies, or zero"
         )
     names = list(model.names)[1:]
-    _check_order(model)
+    for root in range(1, model.njoints):  # else crba is wrong, silently
+        for joint, expected in zip(model.subtrees[root], range(root, model.njoints), strict=False):
+            if joint != expected:
+                raise InvalidInput(
+                    f"joint {model.names[joint]!r} comes after joints of another branch than its "
+                    f"parent's, {model.names[model.parents[joint]]!r}: add the joints branch by "
+                    "branch"
+                )
     placements = list(model.jointPlacements)[1:]
     for name, joint, placement in zip(names, list(model.joints)[1:], placements, strict=True):
         if joint.shortname() == "JointModelMimic":
@@ -93,18 +97,6 @@ def check_model(model: Any) -> None:
         if not np.isfinite(frame.placement.homogeneous).all():
             raise InvalidInput(f"placement of frame {frame.name!r} is not finite")
     _check_limits(model)
-
-
-def _check_order(model: Any) -> None:
-    """Raise `InvalidInput` unless each branch is in one piece: else crba is wrong, silently."""
-    for root in range(1, model.njoints):
-        for joint, expected in zip(model.subtrees[root], range(root, model.njoints), strict=False):
-            if joint != expected:
-                raise InvalidInput(
-                    f"joint {model.names[joint]!r} comes after joints of another branch than its "
-                    f"parent's, {model.names[model.parents[joint]]!r}: add the joints branch by "
-                    "branch"
-                )
 
 
 def _check_inertias(model: Any, names: list[str]) -> None:
@@ -220,13 +212,16 @@ def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
 
 
 def find_singular_joints(model: Any, inertia: Array) -> list[str]:
-    """Return the joints with a share in the null vectors of an inertia, or in the nearest to one.
-
-    If entries are not finite, they are the joints with such an entry.
-    """
+    """Return joints with a share in the null vectors of an inertia, or with infinite entries."""
     singular: NDArray[np.bool_] = np.logical_not(np.isfinite(inertia).all(axis=1))
     if not singular.any():
-        singular = _nearly_null(inertia)
+        diagonal = inertia.diagonal()
+        singular = np.asarray(diagonal <= 1e-14 * diagonal.max())  # they move no inertia
+        if not singular.any():
+            scale = 1.0 / np.sqrt(diagonal)
+            values, vectors = np.linalg.eigh(inertia * scale * scale[:, None])
+            null = vectors[:, values <= max(1e-11, 10.0 * values[0])]
+            singular = np.asarray((np.abs(null) > 0.1).any(axis=1))
     return [
         model.names[joint]
         for joint in range(1, model.njoints)
@@ -234,22 +229,8 @@ def find_singular_joints(model: Any, inertia: Array) -> list[str]:
     ]
 
 
-def _nearly_null(inertia: Array) -> NDArray[np.bool_]:
-    """Return which velocities have a share in the null vectors of an inertia, or nearly so."""
-    diagonal = inertia.diagonal()
-    massless = diagonal <= 1e-14 * diagonal.max()  # they move no inertia
-    scale = np.where(massless, 0.0, 1.0 / np.sqrt(np.where(massless, 1.0, diagonal)))
-    scaled = inertia * scale * scale[:, None] + np.diag(2.0 * massless)
-    values, vectors = np.linalg.eigh(scaled)
-    null = vectors[:, values <= max(1e-11, 10.0 * values[0])]
-    return np.asarray(massless if massless.any() else (np.abs(null) > 0.1).any(axis=1))
-
-
 def facing_doubts(model: Any, contact_joint: int) -> tuple[str, ...]:
-    """Return a line if the feet of a robot are apart along x, so that it does not face x.
-
-    While all joints are at 0, the other foot is the end of a limb, at the height of the first one.
-    """
+    """Return a line if another foot, a limb's end as high at q = 0, is apart from this along x."""
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     places = np.array([placement.translation for placement in data.oMi])

@@ -39,10 +39,7 @@ def name_fault(kind: str, name: str) -> str:
 def unknown(
     kind: str, name: object, owner: str, names: Sequence[str], ends: Sequence[str] = ()
 ) -> str:
-    """Return the message for a name that a model does not have, with names that it has.
-
-    For a name that sounds like a foot, the nearest are among `ends`, the frames that end a limb.
-    """
+    """Return the message for an unknown name; names like a foot's are sought among `ends`."""
     text = name.lower()[:200] if isinstance(name, str) else ""
     by_case = {known.lower(): known for known in reversed(names)}
     matches = [by_case[known] for known in get_close_matches(text, by_case, 8)]

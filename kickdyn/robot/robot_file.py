@@ -98,16 +98,12 @@ def list_folders(package_dirs: Iterable[str | os.PathLike[str]]) -> tuple[Path, 
 
 
 class PackageFiles:
-    """Finds files by the names that a robot's file has for them.
+    """Finds files by the names that a robot's file, in a folder, has for them.
 
-    A name is a path relative to the robot's file, else to one of `package_dirs`; an absolute one,
-    with `file://` or without; or `package://NAME/...`, also written `model://NAME/...`. A package
-    is looked up in `package_dirs`, then among the folders that contain the robot's file, then in
-    the folders of ROS.
-
-    Args:
-        folder: of the robot's file.
-        package_dirs: packages, or folders that contain packages.
+    A name is a path relative to the folder, else to one of `package_dirs`, which are packages
+    or contain them; an absolute one, with `file://` or without; or `package://NAME/...`, also
+    written `model://NAME/...`. A package is looked up in `package_dirs`, then among the folders
+    that contain the robot's file, then in the folders of ROS.
     """
 
     def __init__(self, folder: Path, package_dirs: Iterable[Path] = ()) -> None:
@@ -187,7 +183,6 @@ class PackageFiles:
         return present[0]
 
     def _places(self, package: str) -> list[Path]:
-        """Return the folders where a package of a name would be, in the order of the search."""
         if package in ("", ".", ".."):
             return []
 
@@ -338,10 +333,7 @@ class Triangles:
 
 
 def read_mesh(files: PackageFiles, filename: str, scale: ArrayLike = 1.0) -> list[Triangles]:
-    """Return the surfaces of a mesh that a robot's file names, scaled by a number or by three.
-
-    Raises `InvalidInput` if the mesh is not found, is too large, or cannot be read.
-    """
+    """Return the surfaces of a mesh, scaled by one number or three, or raise `InvalidInput`."""
     import trimesh  # takes half a second; most legs have no mesh
 
     content, ending = files.read_mesh(filename), PurePath(filename).suffix.lower()
@@ -370,7 +362,6 @@ def read_mesh(files: PackageFiles, filename: str, scale: ArrayLike = 1.0) -> lis
 
 
 def _surfaces(scene: Any, turn: Array) -> Iterator[Triangles]:
-    """Yield the surfaces at their positions in the scene, turned and scaled by `turn`."""
     import trimesh
 
     meshes = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
@@ -379,15 +370,12 @@ def _surfaces(scene: Any, turn: Array) -> Iterator[Triangles]:
         raise ValueError(f"it has more than {MAX_VERTICES} vertices and triangles")
     for mesh in scene.dump():
         if isinstance(mesh, trimesh.Trimesh):  # others are lines, or points
-            yield Triangles(mesh.vertices @ turn.T, np.asarray(mesh.faces), _colour(mesh))
-
-
-def _colour(mesh: object) -> Array | None:
-    visual = getattr(mesh, "visual", None)
-    if visual is None or not visual.defined:
-        return None
-    source = visual.material if visual.kind == "texture" else visual
-    return np.asarray(source.main_color, dtype=float) / 255.0
+            look: Any = mesh.visual
+            colour = None
+            if look is not None and look.defined:
+                source = look.material if look.kind == "texture" else look
+                colour = np.asarray(source.main_color, dtype=float) / 255.0
+            yield Triangles(mesh.vertices @ turn.T, np.asarray(mesh.faces), colour)
 
 
 def _remove_pictures(root: ElementTree.Element) -> None:

@@ -54,12 +54,9 @@ MOST_TILT = np.radians(30.0)
 class KickingChain:
     """The joints between a fixed base and the contact frame, and where the whole robot has them.
 
-    On a fixed base, an impact on the chain and its equations of motion are the same as of the whole
-    robot, whose other joints stay where `rest_configuration` has them.
-
-    Attributes:
-        leg: the chain alone, all other joints locked; the whole robot, if there are none.
-        qs, vs: indices of its joints in the robot's q and v.
+    An impact on the chain and its motion are those of the whole robot with other joints at
+    rest. `leg` is the chain with these locked; `qs` and `vs` are its indices in the robot's q
+    and v.
     """
 
     leg: Leg
@@ -74,11 +71,7 @@ class KickingChain:
 
 
 def assumed_speed_limit(leg: Leg) -> Array:
-    """Return the limits of the joints' speeds, shape `(nv,)` [rad/s; m/s for prismatic joints].
-
-    A joint without one, or with 0, has the largest limit of the joints of its unit; inf without
-    any.
-    """
+    """Return the largest speed of each joint, `(nv,)`: if it has none, of joints of its unit."""
     limit = np.where(leg.velocity_limit > 0.0, leg.velocity_limit, np.inf)
     units = {name: leg.joint_unit(name) for name in leg.single_joints}
     for unit in {*units.values()}:
@@ -91,11 +84,7 @@ def assumed_speed_limit(leg: Leg) -> Array:
 
 
 def rest_configuration(robot: Leg, others: Mapping[str, float] | None = None) -> Array:
-    """Return q with every joint at the value of its range that is nearest to 0, shape `(nq,)`.
-
-    Joints of several degrees of freedom are at 0, mimic joints where their drivers put them.
-    `others` are values of joints that are elsewhere [rad; m for prismatic joints].
-    """
+    """Return q with each joint as near to 0 as its range allows, but `others`, `(nq,)`."""
     following = {mimic.joint for mimic in robot.mimics}
     ranges = {name: robot.joint_range(name) for name in robot.single_joints}
     nearest = {name: min(max(low, 0.0), high) for name, (low, high) in ranges.items()}
@@ -108,17 +97,12 @@ def rest_configuration(robot: Leg, others: Mapping[str, float] | None = None) ->
 def kicking_chain(
     robot: Leg, *, branches: bool = False, others: Mapping[str, float] | None = None
 ) -> KickingChain:
-    """Return the joints that move a robot's contact frame.
+    """Return the joints that move a robot's contact frame, each of one coordinate.
 
-    Args:
-        robot: a leg or a whole robot, on a fixed base.
-        branches: whether to keep the joints that branch off the chain too. They do not move the
-            contact frame, but an impact there moves them.
-        others: as for `rest_configuration`, of joints that are taken out.
-
-    Raises:
-        InvalidInput: without `branches`, a joint has more than one coordinate, as a floating base
-            has; or one of the joints mimics another or is mimicked.
+    With `branches`, joints that branch off are kept too: an impact at the contact frame moves
+    them. `others` are values of joints that are taken out, as for `rest_configuration`. Raises
+    `InvalidInput` for other joints, without `branches`, or if one mimics another or is
+    mimicked.
     """
     model = robot.model
     joints = path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
@@ -144,10 +128,7 @@ def kicking_chain(
 
 
 def foot_directions(postures: Iterable[Posture]) -> Array:
-    """Return the directions in which the foot can move at all, by postures that are drawn.
-
-    They are orthonormal rows, shape `(k, 3)`.
-    """
+    """Return orthonormal directions, `(k, 3)`, in which a foot moves at all, by drawn postures."""
     directions, gains, _ = np.linalg.svd(np.hstack([x.jacobian for x in postures]))
     return np.asarray(directions[:, gains > 1e-9 * gains[0]].T)
 
@@ -385,13 +366,11 @@ def _faces(robot: Leg, frame: int) -> tuple[Array, Array]:
 
 
 def _width(corners: Array) -> float:
-    """Return the least width of a sole, `(k, 3)` [m, world axes], in x and y."""
     turns = np.linspace(0.0, np.pi, 90, endpoint=False)
     return float(np.ptp(corners[:, :2] @ [np.cos(turns), np.sin(turns)], axis=0).min())
 
 
 def _on_ground(placement: Any, corners: Array) -> Array:
-    """Return x and y of corners of a frame in the world, shape `(k, 2)` [m]."""
     return np.asarray((corners @ placement.rotation.T + placement.translation)[:, :2])
 
 

@@ -61,13 +61,10 @@ def _put_joint_frames_first(model: Any) -> None:
 
 
 def turn_body(model: Any, joint: int, rotation: Array, centre: ArrayLike = (0.0, 0.0, 0.0)) -> Any:
-    """Return a model in which a body, and all that hangs from it, is turned.
+    """Return a model in which the body of a joint, and all that hangs from it, is turned.
 
-    Args:
-        model: the model.
-        joint: number of the joint that carries the body; 0 turns the whole robot in the world.
-        rotation: from the body's new axes to the joint's axes, shape `(3, 3)`.
-        centre: the point about which it is turned, shape `(3,)` [m, joint frame].
+    The joint 0 is the world. `rotation` is from the body's new axes to the joint's, `(3, 3)`,
+    and `centre` is the point that stays where it is, `(3,)` [m, joint frame].
     """
     centre = np.asarray(centre)
     return place_body(model, joint, pin.SE3(rotation, centre - rotation @ centre))
@@ -183,7 +180,6 @@ def _reverse_joint(model: Any, joint: int) -> tuple[Any, Any]:
 
 
 def _axis(kind: Any) -> Array:
-    """Return the axis of a joint of one degree of freedom, shape `(3,)` [joint frame]."""
     motion = np.asarray(kind.createData().S, dtype=float).ravel()
     return motion[:3] if kind.shortname().startswith(PRISMATIC) else motion[3:]
 

@@ -504,10 +504,7 @@ def delassus_matrix(tree, bodies, factors, state):  # type: ignore[no-untyped-de
 
 @jitable
 def solve_velocity(tree, bodies, factors, state):  # type: ignore[no-untyped-def]
-    r"""Fill in the jump of the joints' velocity, :math:`v = L^{-1} z` with :math:`D z = -W p`.
-
-    `factors` are L and :math:`D^{-1}` of `factorize`.
-    """
+    """Fill in the jump of the joints' velocity, :math:`v = L^{-1} z` with :math:`D z = -W p`."""
     impulse = state.impulse
     for k in range(1, len(tree)):
         row = bodies[k].jacobian

@@ -63,9 +63,6 @@ REQUIRED = {*NUMBERS["mass"], *NUMBERS["inertia"], "effort", "velocity"}
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 """A number as Pinocchio's parser reads it, which takes neither nan nor inf."""
 
-XACRO = "{http://www.ros.org/wiki/xacro}"
-"""Namespace of the macros of xacro, as ElementTree writes it before their names."""
-
 
 class UrdfFile(RobotFile):
     """A URDF that passed every check, its text written out anew."""
@@ -113,11 +110,7 @@ def read_urdf(
     package_dirs: Iterable[str | PathLike[str]] = (),
     locked: Iterable[str] = (),
 ) -> UrdfFile:
-    """Read and check a URDF file, whose meshes may be in further folders.
-
-    Joints that a locked joint mimics are not checked. Raises `UrdfError` with all faults of
-    `find_faults`, or `InvalidInput` if `path` is no path or there is no such folder.
-    """
+    """Read and check a URDF file, or raise `UrdfError` with all faults of `find_faults`."""
     file, source = robot_path("URDF", path), str(path)
     root, folders = read_xml(file, source, UrdfError), list_folders(package_dirs)
     if faults := find_faults(root, locked):
@@ -131,12 +124,19 @@ def read_urdf(
     # Written anew, so that Pinocchio's parser reads exactly what was checked: by itself it keeps
     # line ends inside a name, for one.
     text = ElementTree.tostring(root, encoding="unicode")
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    mimics = tuple(  # with a driver that exists, which may mimic another one
+        Mimic(name, driver, float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0)))
+        for name, driver in _drivers(joints).items()
+        for mimic in joints[name].findall("mimic")
+        if driver in joints
+    )
     return UrdfFile(
         text,
         file.resolve().parent,
         source,
         package_dirs=folders,
-        mimics=read_mimics(root),
+        mimics=mimics,
         warnings=tuple(warnings),
     )
 
@@ -166,10 +166,7 @@ def _remove_limits(root: Element) -> list[str]:
 
 
 def build_model(text: str, source: str, base: str) -> Any:
-    """Return the `pin.Model` of the text of a URDF, on a base `fixed` or `floating`.
-
-    Raises `UrdfError` if Pinocchio refuses it or complains, or if no joint moves.
-    """
+    """Return the `pin.Model` of a URDF's text, or raise `UrdfError`, also if no joint moves."""
     check_base(base)
     joints = {joint.get("name") for joint in ElementTree.fromstring(text).iter("joint")}
     names = ("root_joint", *(f"root_joint{k}" for k in range(2, len(joints) + 3)))
@@ -238,15 +235,13 @@ def _captured_stderr() -> Iterator[list[str]]:
 
 
 def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
-    """Return one line per fault of the robot under `root`; none if Pinocchio may read it.
-
-    The joints that a locked joint mimics are not checked; `locked` has names or patterns.
-    """
+    """Return a line per fault of a robot; joints that `locked` ones mimic are not checked."""
     if root.tag == "mujoco":
         return ["is an MJCF, its root is <mujoco>: Leg.from_mjcf reads it"]
     if root.tag != "robot":
         return [f"is not a URDF: its root is <{root.tag}>, not <robot>"]
-    if any(element.tag.startswith(XACRO) for element in root.iter()):
+    # namespace of the macros of xacro, as ElementTree writes it before their names
+    if any(element.tag.startswith("{http://www.ros.org/wiki/xacro}") for element in root.iter()):
         return ["is a xacro file: expand it with `xacro FILE > robot.urdf`, and read the result"]
     faults: list[str] = []
     _name(root, "robot", faults)
@@ -308,7 +303,6 @@ def _is_impossible(link: Element) -> bool:
 
 
 def _named(root: Element, tag: str, faults: list[str]) -> dict[str, Element]:
-    """Return elements by name; names that are wrong or used twice are faults."""
     elements = [(_name(element, tag, faults), element) for element in root.findall(tag)]
     for name, times in Counter(name for name, _ in elements if name).items():
         if times > 1:
@@ -379,7 +373,6 @@ def _number(text: str) -> float:
 def _check_mimics(
     judged: dict[str, Element], joints: dict[str, Element], faults: list[str]
 ) -> None:
-    """Check that the judged joints mimic others that move, and no two of them each other."""
     drivers = _drivers(joints)
     for name, driver in drivers.items():
         if name not in judged:
@@ -416,18 +409,6 @@ def _drivers(joints: dict[str, Element]) -> dict[str, str]:
         for name, joint in joints.items()
         if joint.get("type") != "fixed" and (mimic := joint.find("mimic")) is not None
     }
-
-
-def read_mimics(root: Element) -> tuple[Mimic, ...]:
-    """Return the mimic joints with a driver that exists, which may mimic another one."""
-    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
-    mimics = []
-    for name, driver in _drivers(joints).items():
-        (mimic,) = joints[name].findall("mimic")
-        if driver in joints:
-            line = float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))
-            mimics.append(Mimic(name, driver, *line))
-    return tuple(mimics)
 
 
 def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: list[str]) -> None:

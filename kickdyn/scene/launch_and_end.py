@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.ball import BallState
+from kickdyn.ball import Ball, BallState
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
@@ -32,13 +33,7 @@ SMALLEST_TOLERANCE = 1e-9
 USUAL_TOLERANCE = 1e-6
 """Relative tolerance of the integrator of the contact at first; larger ones save no time."""
 
-RELATIVE_DIFFERENCE = 1e-4
-"""Step of the differences after a bounce, relative to the speed."""
-
 COLLIDE_SAFETY = 10.0
-"""Relative error of a launch by `collide` over the integrator's tolerance; it was less in 98 % of
-200 random kicks, with tolerances from 1e-5 to 1e-3. What `end_error` adds covers the others."""
-
 END_SAFETY = 1.2
 """Factor on the error of an end for what `end_error` leaves out: lift that turns the error of a
 velocity, a drag coefficient that falls with speed. In 400 random paths the end moved by at most 0.9
@@ -65,12 +60,7 @@ UNKNOWN = LaunchError(math.inf, math.inf, math.inf)
 
 
 class EndSlopes(NamedTuple):
-    """Derivatives of the position of the end by the launch.
-
-    Attributes:
-        velocity: by the velocity of the launch, shape `(3, 3)` [s]; inf where it is not known.
-        spin: by its spin, shape `(3, 3)` [m s]; likewise.
-    """
+    """Derivatives of the end by velocity [s] and spin [m s] of the launch, `(3, 3)`, or inf."""
 
     velocity: Array
     spin: Array
@@ -78,8 +68,9 @@ class EndSlopes(NamedTuple):
     def deviation(self, launch: Uncertainty) -> float:
         r"""Return the standard deviation of the end, to first order [m].
 
-        :math:`\sigma = \sqrt{\mathrm{tr}(A V A^T)} + \sqrt{\mathrm{tr}(B W B^T)}` with the slopes A
-        and B and the covariances V and W of velocity and spin, which depend on the same sources.
+        It is :math:`\sqrt{\mathrm{tr}(A V A^T)} + \sqrt{\mathrm{tr}(B W B^T)}` with these
+        slopes A, B and covariances V, W of velocity and spin, which depend on the same
+        sources.
         """
         if not np.isfinite(self.velocity).all():
             return math.inf
@@ -89,23 +80,15 @@ class EndSlopes(NamedTuple):
 
 
 def strike_scene(scene: Scene, **changes: Any) -> Impact:
-    """Return the instantaneous impact of a scene, with some arguments of `strike` changed.
-
-    A contact that takes time is struck by the law `newton`.
-    """
+    """Return the instantaneous impact of a scene, by `newton` if its contact takes time."""
     law = "newton" if scene.is_compliant else scene.law
-    return strike(**{**_arguments(scene), "law": law, **changes})
+    return strike(**{**scene._impact_arguments, "law": law, **changes})
 
 
 def collide_scene(scene: Scene, tol: float) -> Collision:
     """Return the impact of a scene whose contact takes time, to a relative tolerance."""
     assert isinstance(scene.law, Compliance)
-    return collide(**_arguments(scene), **scene.law.options, tol=tol)
-
-
-def _arguments(scene: Scene) -> dict[str, Any]:
-    arguments = {name: getattr(scene, name) for name in ("posture", "v", "ball", "contact")}
-    return arguments | {"ball_velocity": scene.incoming.velocity, "ball_spin": scene.incoming.spin}
+    return collide(**scene._impact_arguments, **scene.law.options, tol=tol)
 
 
 def fly_scene(scene: Scene, launch: BallState, tol: float = SMALLEST_TOLERANCE) -> Flight | Course:
@@ -131,43 +114,35 @@ def path_error(scene: Scene, path: Flight | Course) -> float:
 
 def end_slopes(scene: Scene, path: Flight | Course) -> EndSlopes:
     """Return the derivatives of a path's end by its launch; after a bounce, by differences."""
-    launch = path.launch
+    launch, unknown = path.launch, EndSlopes(*np.full((2, 3, 3), math.inf))
     if path.status not in STATUSES_WITH_END or float(launch.speed) == 0.0:
-        return EndSlopes(*np.full((2, 3, 3), math.inf))
+        return unknown
     if path.duration == 0.0:  # the ball starts where its path ends
         return EndSlopes(*np.zeros((2, 3, 3)))
-    try:
+    with suppress(KickdynError):
         if isinstance(path, Flight):
             time = path.duration
             flight = fly_with_launch_slopes(launch, scene.ball, scene.air, time, SMALLEST_TOLERANCE)
             slopes, _ = flight.slopes_at_plane(_normal_at_end(scene, path), time)
             return EndSlopes(slopes[:, :3], slopes[:, 3:6])
-        return _differences(scene, path)
-    except KickdynError:
-        return EndSlopes(*np.full((2, 3, 3), math.inf))
+        differences, speed = np.zeros((2, 3, 3)), float(launch.speed)
+        for kind, size in (("velocity", speed), ("spin", speed / scene.ball.radius)):
+            step = 1e-4 * size  # more than what integration and bounces round
+            for axis, way in enumerate(np.eye(3)):
+                changed = replace(launch, **{kind: getattr(launch, kind) + step * way})
+                neighbour = fly_scene(scene, changed)
+                if neighbour.status not in STATUSES_WITH_END:
+                    return unknown
+                change = end_of(neighbour).position - path.rest.position
+                differences[int(kind == "spin"), :, axis] = change / step
+        return EndSlopes(*differences)
+    return unknown
 
 
 def _normal_at_end(scene: Scene, flight: Flight) -> Array:
-    """Return the normal of the ground or the plane that ends a flight, shape `(3,)`."""
     if flight.status == FlightStatus.AT_PLANE and scene.plane is not None:
         return scene.plane.normal
     return np.array([0.0, 0.0, 1.0])
-
-
-def _differences(scene: Scene, path: Course) -> EndSlopes:
-    launch, slopes = path.launch, np.zeros((2, 3, 3))
-    speed = float(launch.speed)
-    for kind, size in enumerate((speed, speed / scene.ball.radius)):
-        for axis in range(3):
-            changes = np.zeros((2, 3))
-            changes[kind, axis] = RELATIVE_DIFFERENCE * size
-            velocity, spin = launch.velocity + changes[0], launch.spin + changes[1]
-            neighbour = fly_scene(scene, BallState(launch.position, velocity, spin))
-            change = end_of(neighbour).position - path.rest.position
-            slopes[kind, :, axis] = change / changes[kind, axis]
-            if neighbour.status not in STATUSES_WITH_END:
-                raise KickdynError(f"a neighbouring path has no end: {neighbour.status}")
-    return EndSlopes(*slopes)
 
 
 def end_error(scene: Scene, path: Flight | Course, error: LaunchError) -> float:
@@ -193,29 +168,28 @@ def end_error(scene: Scene, path: Flight | Course, error: LaunchError) -> float:
     normal_speed = abs(float(_normal_at_end(scene, flight) @ arrival))
     slant = math.hypot(*arrival) / normal_speed if normal_speed > 0.0 else math.inf
     slant = slant if time > 0.0 else 1.0
-    faster = error.velocity + 0.5 * _lift_change(scene, flight, error) * time
+    lift_change = 0.0  # of the acceleration at the launch, by the error of the spin [m/s2]
+    if scene.air is not None and scene.air.lift is not None and error.spin > 0.0:
+        acceleration = acceleration_function(scene.ball, scene.air)
+        state = float(path.launch.position[2]), *path.launch.velocity.tolist()
+        spins = path.launch.spin + error.spin * np.vstack([np.zeros(3), np.eye(3)])
+        first, *changed = (acceleration(*state, *spin)[:3] for spin in spins.tolist())
+        lift_change = max(math.dist(rates, first) for rates in changed)
+    faster = error.velocity + 0.5 * lift_change * time
     displacement = error.position + faster * time
     bounced = BOUNCE_SAFETY * (error.velocity + scene.ball.radius * error.spin)
     displacement = slant * (displacement + bounced * (in_air - time))
     return END_SAFETY * float(displacement + bounced * (path.duration - in_air))
 
 
-def _lift_change(scene: Scene, path: Flight, error: LaunchError) -> float:
-    """Return by how much the acceleration at the launch changes by the error of its spin [m/s2]."""
-    if scene.air is None or scene.air.lift is None or error.spin == 0.0:
-        return 0.0
-    launch, acceleration = path.launch, acceleration_function(scene.ball, scene.air)
-    height, velocity = float(launch.position[2]), launch.velocity.tolist()
-    before = acceleration(height, *velocity, *launch.spin.tolist())[:3]
-    changed = (launch.spin + error.spin * axis for axis in np.eye(3))
-    return max(math.dist(acceleration(height, *velocity, *spin)[:3], before) for spin in changed)
-
-
-def collision_error(scene: Scene, launch: BallState, tol: float) -> LaunchError:
-    """Return by how much a launch is wrong at most that `collide` finds to a tolerance."""
-    speed, spin, radius = float(launch.speed), float(np.linalg.norm(launch.spin)), scene.ball.radius
-    share = COLLIDE_SAFETY * tol
-    return LaunchError(share * speed, share * max(spin, speed / radius), share * radius)
+def collision_error(ball: Ball, launch: BallState, tol: float) -> LaunchError:
+    """Return a bound on the error of a launch by `collide`, to a relative tolerance."""
+    speed, spin, share = (
+        float(launch.speed),
+        float(np.linalg.norm(launch.spin)),
+        COLLIDE_SAFETY * tol,
+    )
+    return LaunchError(share * speed, share * max(spin, speed / ball.radius), share * ball.radius)
 
 
 def contact_time_error(scene: Scene, impact: Impact) -> LaunchError:
@@ -234,9 +208,8 @@ def contact_time_error(scene: Scene, impact: Impact) -> LaunchError:
     """
     law, leg, contact = scene.law, scene.leg, scene.contact
     assert isinstance(law, Compliance)
-    if leg.constraints is not None or leg.compliant_drives:
-        return UNKNOWN
-    if takes_inflated_force(contact, **law.options):
+    inflated = takes_inflated_force(contact, **law.options)
+    if leg.constraints is not None or leg.compliant_drives or inflated:
         return UNKNOWN
     # it lasts up to half longer than of two masses, while the leg's inertia changes
     time = 1.5 * duration(impact.approach, **law.options)
@@ -269,14 +242,10 @@ def contact_time_error(scene: Scene, impact: Impact) -> LaunchError:
         + GRAVITY * time / scene.ball.radius,
         time * (fastest + velocity),
     )
-    return error if _stays_clear(scene, impact, error) else UNKNOWN
-
-
-def _stays_clear(scene: Scene, impact: Impact, error: LaunchError) -> bool:
-    before, after = impact.ball_before, impact.ball_after
     if scene.ground is not None:
-        clearance = float(after.position[2]) - scene.ball.radius - scene.ground.height
-        rise = float(before.velocity[2] + after.velocity[2]) - error.velocity
+        clearance = float(launch.position[2]) - scene.ball.radius - scene.ground.height
+        rise = float(impact.ball_before.velocity[2] + launch.velocity[2]) - error.velocity
         if clearance < error.position and rise <= 0.0:
-            return False
-    return scene.plane is None or scene.plane.gap(scene.ball, after.position) > error.position
+            return UNKNOWN
+    is_clear = scene.plane is None or scene.plane.gap(scene.ball, launch.position) > error.position
+    return error if is_clear else UNKNOWN

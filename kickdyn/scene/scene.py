@@ -125,10 +125,9 @@ def check_before(wall: Wall, distance: float) -> None:
 def passage_on(
     path: Flight | Course, wall: Wall, ahead: Array, radius: float, start_height: float = 0.0
 ) -> Passage | None:
-    """Return the passage of a ball by a wall on its path; None if the path ends before the wall.
+    """Return how a ball passes a wall, or None if its path ends before it.
 
-    `ahead` is the horizontal unit vector from the start to the target, shape `(3,)`, `start_height`
-    the height of the ball's lower edge above the ground at the start [m].
+    `ahead` is horizontal, to the target; the ball's lower edge starts at `start_height` [m].
     """
     start = path.launch.position
 
@@ -285,12 +284,17 @@ class Scene(ReprMixin):
                 )
         else:
             law = find_law(law, "law").name
+        deviations = validation.mapping("uncertainty", uncertainty)
+        for source, deviation in deviations.items():
+            if source not in UNITS:
+                shown, choices = validation.brief(source), ", ".join(UNITS)
+                raise InvalidInput(f"uncertainty of {shown} is unknown: choose {choices}")
+            validation.floats(f"uncertainty of {source}", deviation)
         self.__dict__.update(
             posture=posture.with_contact_offset(contact.offset),
             v=validation.read_only(validation.vector("v", v, posture.leg.nv)),
             ball=ball, contact=contact, law=law, incoming=incoming or BallState(),
-            air=air, ground=ground, plane=plane, wall=wall,
-            uncertainty=_checked_uncertainty(uncertainty), name=name,
+            air=air, ground=ground, plane=plane, wall=wall, uncertainty=deviations, name=name,
         )  # fmt: skip
         if self.incoming.velocity.shape != (3,):
             shape = self.incoming.velocity.shape
@@ -332,6 +336,12 @@ class Scene(ReprMixin):
         return self.replace(law="newton")
 
     @property
+    def _impact_arguments(self) -> dict[str, Any]:
+        """The bodies and the contact, as keyword arguments of `strike` and `collide`."""
+        ball = {"ball_velocity": self.incoming.velocity, "ball_spin": self.incoming.spin}
+        return {name: getattr(self, name) for name in ("posture", "v", "ball", "contact")} | ball
+
+    @property
     def ball_position(self) -> Array:
         """Centre of the ball as it is struck, shape `(3,)` [m, world frame]."""
         return np.asarray(self.posture.contact_point + self.ball.radius * self.contact.normal)
@@ -339,10 +349,7 @@ class Scene(ReprMixin):
     def _to_target(self) -> tuple[float, float]:
         """Return the way along the ground from the ball to the point of the plane [m]."""
         if self.plane is None:
-            raise InvalidInput(
-                "wall is given without a plane: it stands on the line from the ball to the plane's "
-                "point"
-            )
+            raise InvalidInput("wall is given without a plane: it is on the line to its point")
         x, y, _ = self.plane.point - self.ball_position
         return float(x), float(y)
 
@@ -381,13 +388,3 @@ class Scene(ReprMixin):
             if value is not None:
                 kind = type(value).__name__
                 yield name, repr(value).removeprefix(f"{kind}(").removesuffix(")"), ""
-
-
-def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
-    checked = validation.mapping("uncertainty", value)
-    for name, deviation in checked.items():
-        if name not in UNITS:
-            shown, choices = validation.brief(name), ", ".join(UNITS)
-            raise InvalidInput(f"uncertainty of {shown} is unknown: choose {choices}")
-        validation.floats(f"uncertainty of {name}", deviation)
-    return checked

@@ -9,6 +9,10 @@ from functools import cached_property
 from itertools import accumulate
 from typing import Any
 
+import numpy as np
+
+from kickdyn.aerodynamics.drag import constant
+from kickdyn.air import Air
 from kickdyn.ball import BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, distance_in_words, warned
@@ -19,7 +23,6 @@ from kickdyn.impact.collide import Collision
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.uncertainty import Uncertainty
 from kickdyn.robot.standing import is_floating
-from kickdyn.scene.effects import Effect, EffectSize, effects_of
 from kickdyn.scene.launch_and_end import (
     SMALLEST_TOLERANCE,
     STATUSES_WITH_END,
@@ -35,6 +38,61 @@ from kickdyn.scene.launch_and_end import (
     strike_scene,
 )
 from kickdyn.scene.scene import Passage, Scene, Score, passage_on, score_at
+
+
+@dataclass(frozen=True)
+class EffectSize:
+    """What neglecting one effect changes, everything else modelled.
+
+    Attributes:
+        effect: name of the effect.
+        end: distance that the end of the ball's path moves [m]; nan where there is no answer.
+        impulse: magnitude of the change of the impulse on the ball [N s]; likewise.
+        why_not: why there is no answer.
+        seconds: processor time of the answer without the effect; of its path alone, where the
+            effect does not change the launch [s].
+    """
+
+    effect: str
+    end: float
+    impulse: float
+    why_not: str = ""
+    seconds: float = 0.0
+
+
+def scenes_without(scene: Scene, launch: BallState) -> dict[str, Scene]:
+    """Return, by each effect of a scene that can be neglected by itself, the scene without it."""
+    leg, ball, contact, air = scene.leg, scene.ball, scene.contact, scene.air
+    less, airs = dict[str, Scene](), dict[str, Air]()
+    if scene.is_compliant:
+        less["contact time"] = scene.as_instant()
+    if contact.friction > 0.0:
+        less["friction"] = scene.replace(contact=replace(contact, friction=0.0))
+    if ball.inertia_factor < math.inf:
+        less["ball rotation"] = scene.replace(ball=replace(ball, inertia_factor=math.inf))
+    if leg.workspace.model.armature.any():
+        less["armature"] = scene.with_leg(leg.without_rotors())
+    if leg.supports:
+        less["supports"] = scene.with_leg(leg.with_supports())
+    if air is None or air.density == 0.0:
+        return less
+    if air.drag is not None:
+        speed = max(math.dist(launch.velocity, air.wind_at(float(launch.position[2]))), 1e-9)
+        reynolds = 2.0 * ball.radius * air.density / air.viscosity * speed
+        spin_parameter = ball.radius * math.hypot(*launch.spin.tolist()) / speed
+        airs["drag"] = replace(air, drag=None)
+        airs["drag crisis"] = replace(air, drag=constant(air.drag(reynolds, spin_parameter)))
+    if air.lift is not None:
+        airs["lift"] = replace(air, lift=None)
+    if air.drag is not None or air.lift is not None:  # through which spin and wind act
+        if air.torque is not None:
+            airs["spin decay"] = replace(air, torque=None)
+        if callable(air.wind) or air.wind.any():
+            airs["wind"] = replace(air, wind=np.zeros(3))
+    if air.buoyancy:
+        airs["buoyancy"] = replace(air, buoyancy=False)
+    return less | {name: scene.replace(air=changed) for name, changed in airs.items()}
+
 
 CONTACT_SHARE = 0.9
 """Fraction of the tolerance for a neglected contact time, or else for its integrator."""
@@ -98,7 +156,7 @@ class Simulation(ReprMixin):
             return math.inf
         error = path_error(scene, path)
         if isinstance(impact, Collision):
-            error += end_error(scene, path, collision_error(scene, self.launch, impact.tol))
+            error += end_error(scene, path, collision_error(scene.ball, self.launch, impact.tol))
         return error
 
     @property
@@ -131,24 +189,27 @@ class Simulation(ReprMixin):
     @property
     def modelled(self) -> tuple[str, ...]:
         """Effects of the scene that were modelled."""
-        names = (effect.name for effect in effects_of(self.scene))
-        return tuple(name for name in names if name not in self.neglected)
+        return tuple(name for name in self._scenes_without if name not in self.neglected)
+
+    @cached_property
+    def _scenes_without(self) -> dict[str, Scene]:
+        return scenes_without(self.scene, self.launch)
 
     @cached_property
     def effects(self) -> tuple[EffectSize, ...]:
-        """What neglecting each effect changes, in the order of `EFFECTS`.
+        """What neglecting each effect changes, in the order of `scenes_without`.
 
         It is computed when it is first read: flights and, for the effects on the launch, impacts,
         as in this answer, with its tolerances. A contact time that is neglected has the size of the
         `model_error`.
         """
         sizes = list[EffectSize]()
-        for effect in effects_of(self.scene):
-            if effect.name in self.neglected:
-                sizes.append(EffectSize(effect.name, self.model_error, math.nan, "", self.seconds))
+        for name, less in self._scenes_without.items():
+            if name in self.neglected:
+                sizes.append(EffectSize(name, self.model_error, math.nan, "", self.seconds))
                 continue
             began = time.process_time()
-            sizes.append(replace(_measure(effect, self), seconds=time.process_time() - began))
+            sizes.append(replace(_measure(name, less, self), seconds=time.process_time() - began))
         return tuple(sizes)
 
     @property
@@ -314,16 +375,20 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
                 f"tolerance is {tolerance:g} m, below rounding: it must be {ROUNDING:g} m or more, "
                 "or None for everything as exact as possible"
             )
-    answer = _simulate(scene, tolerance)
-    return replace(answer, seconds=time.process_time() - began)
 
+    def answer(
+        impact: Impact | Collision, path: Flight | Course | None = None, model_error: float = 0.0
+    ) -> Simulation:
+        path, sources = path or fly_scene(scene, impact.ball_after), scene.uncertainty
+        spread = strike_scene(scene).uncertainty(**sources) if sources else None
+        seconds = time.process_time() - began
+        return Simulation(scene, tolerance, impact, path, spread, model_error, seconds=seconds)
 
-def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
-    if tolerance is None and scene.is_compliant:
-        return _with_path(scene, None, collide_scene(scene, SMALLEST_TOLERANCE))
+    if not scene.is_compliant:
+        return answer(strike_scene(scene))
+    if tolerance is None:
+        return answer(collide_scene(scene, SMALLEST_TOLERANCE))
     instant = strike_scene(scene)
-    if tolerance is None or not scene.is_compliant:
-        return _with_path(scene, tolerance, instant)
     allowed, launch_error = CONTACT_SHARE * tolerance, contact_time_error(scene, instant)
     if launch_error.velocity < math.inf:
         with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
@@ -331,33 +396,20 @@ def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
             size = end_error(scene, path, launch_error)
             # where the path ends at once, the launch with contact time may well fly
             if size <= allowed and path.duration > 0.0:
-                return _with_path(scene, tolerance, instant, path, size)
+                return answer(instant, path, size)
     for tol in (USUAL_TOLERANCE, SMALLEST_TOLERANCE):
-        answer = _with_path(scene, tolerance, collide_scene(scene, tol))
-        error = end_error(scene, answer.path, collision_error(scene, answer.launch, tol))
+        found = answer(collide_scene(scene, tol))
+        error = end_error(scene, found.path, collision_error(scene.ball, found.launch, tol))
         if not allowed < error < math.inf:
             break
-    return answer
-
-
-def _with_path(
-    scene: Scene,
-    tolerance: float | None,
-    impact: Impact | Collision,
-    path: Flight | Course | None = None,
-    model_error: float = 0.0,
-) -> Simulation:
-    path = path or fly_scene(scene, impact.ball_after)
-    uncertainty = scene.uncertainty
-    spread = strike_scene(scene).uncertainty(**uncertainty) if uncertainty else None
-    return Simulation(scene, tolerance, impact, path, spread, model_error)
+    return found
 
 
 def simulate_as_instant(scene: Scene) -> Simulation:
-    """Model everything a scene names, except for the time that its contact takes.
+    """Return a scene with an instantaneous contact, simulated exactly.
 
-    Only an instantaneous impact has joint impulses. `model_error` is then the measured distance to
-    the end with the contact time; inf if that cannot be computed.
+    Only such an impact has joint impulses. `model_error` is the measured distance to the end
+    with the contact time; inf if that cannot be computed.
     """
     if not scene.is_compliant:
         return simulate(scene, None)
@@ -371,22 +423,19 @@ def simulate_as_instant(scene: Scene) -> Simulation:
     return replace(answer, scene=scene, model_error=size, note=note)
 
 
-def _measure(effect: Effect, full: Simulation) -> EffectSize:
-    less, impulse = effect.without(full.scene, full.launch), 0.0
+def _measure(effect: str, less: Scene, full: Simulation) -> EffectSize:
+    impact, impulse = full.impact, 0.0
     try:
-        if effect.in_flight:
-            path = fly_scene(less, full.launch)
-        else:
-            impact: Impact | Collision = full.impact
+        if less.air is full.scene.air:  # else the effect is one of the flight only
             if isinstance(impact, Collision) and less.is_compliant:
                 impact = collide_scene(less, impact.tol)
             else:
                 impact = strike_scene(less)
-            path = fly_scene(less, impact.ball_after)
             impulse = math.dist(impact.impulse, full.impact.impulse)
+        path = fly_scene(less, impact.ball_after)
     except KickdynError as error:
-        return EffectSize(effect.name, math.nan, math.nan, str(error))
+        return EffectSize(effect, math.nan, math.nan, str(error))
     for status in (full.status, path.status):
         if status not in STATUSES_WITH_END:
-            return EffectSize(effect.name, math.nan, impulse, f"no end: {status}")
-    return EffectSize(effect.name, math.dist(end_of(path).position, full.end.position), impulse)
+            return EffectSize(effect, math.nan, impulse, f"no end: {status}")
+    return EffectSize(effect, math.dist(end_of(path).position, full.end.position), impulse)

@@ -23,8 +23,6 @@ from kickdyn.scene.simulate import Simulation, simulate
 SOURCES = ("q", "v", "restitution", "friction", "normal", "ball_velocity", "ball_spin")
 """Sources of uncertainty that are drawn; masses and the size of the ball change the flight, too."""
 
-MOST_DRAWS = 10_000_000
-
 
 @dataclass(frozen=True, eq=False)
 class Simulations:
@@ -99,7 +97,7 @@ def simulate_many(
         >>> many.end.shape, bool(0.5 < many.deviation / many.nominal.end_deviation < 2)
         ((2000, 3), True)
     """
-    n = validation.whole("draws", draws, at_least=1, at_most=MOST_DRAWS)
+    n = validation.whole("draws", draws, at_least=1, at_most=10_000_000)
     seed = validation.whole("seed", seed, at_least=0)
     if not scene.uncertainty:
         raise InvalidInput("the scene has no uncertainty: draws need one, Scene(uncertainty=...)")
@@ -159,10 +157,7 @@ class _Draws:
         return q, v, contact, velocity, incoming.spin + changes.get("ball_spin", still)
 
     def launches(self, values: Array, tol: float | None = None) -> tuple[Array, NDArray[np.int8]]:
-        """Return position, velocity and spin of the balls after strikes, `(n, 9)`, and status.
-
-        With a relative tolerance they are those after collisions.
-        """
+        """Return `(n, 9)`, balls after strikes, or after collisions to a tolerance, and status."""
         scene, (q, v, contact, velocity, spin) = self.scene, self.arguments(values)
         if tol is None and (scene.is_compliant or scene.law == "newton"):
             impacts = Strikes(scene.leg, [scene.ball], contact, velocity, spin).compute(q, v)
@@ -185,15 +180,11 @@ class _Draws:
 
 
 def _changed(contact: ContactRows, changes: dict[str, Array]) -> ContactRows:
-    """Return a contact with changed restitution, friction and normal."""
     n = len(next(iter(changes.values())))
     restitution, friction = contact.restitution * np.ones(n), contact.friction * np.ones(n)
     if "restitution" in changes:
         if np.isnan(restitution).any():
-            raise InvalidInput(
-                "uncertainty of restitution is not drawn where it depends on the speed: "
-                "simulate_many needs a number"
-            )
+            raise InvalidInput("uncertainty of restitution is not drawn where it depends on speed")
         restitution = np.clip(restitution + changes["restitution"][:, 0], 0.0, 1.0)
     if "friction" in changes:
         friction = np.maximum(friction + changes["friction"][:, 0], 0.0)

@@ -15,9 +15,6 @@ from kickdyn.errors import FaultyFile, InvalidInput, SceneError, printable
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.scene_tables import TABLES, Table, joint_faults
 
-MAX_FAULTS = 100
-"""Most faults of a scene file that are listed."""
-
 
 def load_scene(path: FileName) -> Scene:
     """Read a scene from a TOML file.
@@ -51,7 +48,8 @@ def load_scene(path: FileName) -> Scene:
             return _scene(arguments, file.resolve().parent, printable(file.stem))
     except InvalidInput as error:
         faults = list(error.faults)
-    more = len(faults) - MAX_FAULTS
+    # most faults of a scene file that are listed
+    more = len(faults) - 100
     raise SceneError(source, faults if more <= 0 else [*faults[:-more], f"and {more} more faults"])
 
 
@@ -136,7 +134,6 @@ def _hint(word: object, known: Iterable[str]) -> str:
 
 
 def _scene(sections: dict[str, Any], folder: Path, stem: str) -> Scene:
-    """Return the scene of the results of the tables' constructors; `stem` is its default name."""
     leg_table, posture_table = sections.pop("leg"), sections.pop("posture")
     contact, law = sections.pop("contact")
     ball, incoming = sections.pop("ball", (Ball(), BallState()))

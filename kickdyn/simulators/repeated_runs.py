@@ -22,8 +22,8 @@ from kickdyn.planning.kick_library import KickLibrary
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_reader import launch_axes
 from kickdyn.planning.launch import Launch, plan_launch
+from kickdyn.robot.collisions import FootKind
 from kickdyn.robot.standing import is_floating
-from kickdyn.robot.striking_shapes import FootKind
 from kickdyn.simulators.mujoco_field import KickNoise
 from kickdyn.simulators.run_in_mujoco import MujocoRun, run_in_mujoco
 from kickdyn.simulators.tune_mujoco import MujocoTuning

@@ -23,9 +23,9 @@ from kickdyn.identification.track import Track
 from kickdyn.impact.force_model import CONTACT_TIME
 from kickdyn.plane import Plane
 from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.robot.collisions import FootKind
 from kickdyn.robot.mjcf_file import quiet_mujoco
 from kickdyn.robot.standing import StandingRobot, is_floating, sole_edges
-from kickdyn.robot.striking_shapes import FootKind
 from kickdyn.simulators.mujoco_field import KickNoise, MujocoField, draw
 from kickdyn.simulators.mujoco_kick import load_mujoco
 from kickdyn.simulators.striking_foot import find_foot, plate

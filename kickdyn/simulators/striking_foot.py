@@ -9,9 +9,16 @@ from kickdyn.core.mechanics import rotation_between
 from kickdyn.core.validation import Array
 from kickdyn.impact.impact_result import Impact
 from kickdyn.motion.motion import Motion
-from kickdyn.robot.collisions import TOUCHING, ball_proximity, thickened
+from kickdyn.robot.collisions import (
+    TOUCHING,
+    FootKind,
+    StrikingShape,
+    ball_proximity,
+    contact_in_joint,
+    striking_shapes,
+    thickened,
+)
 from kickdyn.robot.robot_file import Shape
-from kickdyn.robot.striking_shapes import FootKind, StrikingShape, contact_in_joint, striking_shapes
 from kickdyn.simulators.mujoco_kick import quaternion, row
 
 HALF_PLATE = 0.05

@@ -5,7 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
+import meshcat.geometry as shapes
 import numpy as np
+import trimesh
 
 from kickdyn.core.representation import format_value
 from kickdyn.core.validation import Array
@@ -15,9 +17,6 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.view import marks
 from kickdyn.view.kick_scene import JOINT_ARROW, LEAST_JOINT_IMPULSE
 from kickdyn.view.leg_figure import BallPath, curve_of
-
-FOLDED_CHARACTERS = 300
-"""Number of characters from which the sentences below the table are folded."""
 
 Row = tuple[str, str]
 """What it is and its value, both HTML."""
@@ -32,11 +31,25 @@ def kick_panel(
 ) -> str:
     """Return the panel of a kick, with lines of plain text and `more` rows of a result."""
     name = impact.posture.leg.name
-    rows = [*_impact_rows(impact), *_path_rows(path)]
-    rows += html_rows(more)
-    if name:
-        rows.insert(0, ("leg", _name(name)))
-    title = f"Ball at {float(impact.ball_after.speed):.4g} m/s"
+    rows = [("leg", _name(name))] if name else []
+    joint, size = impact.worst_joint
+    after = impact.ball_after
+    speed, spin = float(after.speed), float(np.linalg.norm(after.spin))
+    if spin < 1e-12 * speed / impact.ball.radius:  # rounding
+        spin = 0.0
+    of_ball = f"{np.linalg.norm(impact.impulse):.4g} N s"
+    rows += [
+        (f"impulse on ball {colour_key(marks.ARROW)}", of_ball),
+        (f"worst joint {colour_key(JOINT_ARROW)}", f"{size:.4g} N s at {_name(joint)}"),
+        ("effective mass", f"{impact.effective_mass:.4g} kg"),
+        ("foot speed", f"{np.linalg.norm(impact.foot_velocity):.4g} m/s"),
+        ("ball speed", f"{speed:.4g} m/s"),
+        ("ball / foot speed", f"{impact.speed_ratio:.4g}" if impact.foot_velocity.any() else ""),
+        ("launch angle", f"{round(math.degrees(float(after.elevation)), 1) + 0.0:.1f}°"),
+        ("spin", f"{spin:.4g} rad/s"),
+    ]
+    rows = [row for row in rows if row[1]] + [*_path_rows(path), *html_rows(more)]
+    title = f"Ball at {speed:.4g} m/s"
     return panel_of(title, rows, text, _joints(impact), warnings)
 
 
@@ -48,16 +61,12 @@ def html_rows(rows: Iterable[tuple[str, object, str]]) -> list[Row]:
 def panel_of(
     title: str, rows: Sequence[Row], text: str = "", end: str = "", warnings: Sequence[str] = ()
 ) -> str:
-    """Return a panel of HTML: a title, the first sentence of a text, a table, and the rest.
-
-    The rest is warnings, the other sentences, folded if they are long, and `end`, which is HTML;
-    texts are plain.
-    """
+    """Return a panel: title, a sentence of the text, table, warnings, more text, HTML `end`."""
     lead, stop, further = text.partition(". ")
     head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{escape(lead + stop)}</p>\n" if text else "")
     lines = "".join(f'<p class="warning">{escape(warning)}</p>\n' for warning in warnings)
     more = f"<p>{escape(further)}</p>\n" if further else ""
-    if len(more) > FOLDED_CHARACTERS:
+    if len(more) > 300:  # a text of more characters is folded
         more = f"<details><summary>explanation</summary>\n{more}</details>\n"
     return f"{head}{_table(rows)}\n{lines}{more}{end}"
 
@@ -101,27 +110,7 @@ def _joints(impact: Impact) -> str:
     return f"{start}\n{_table(rows, short=16)}\n</details>\n"
 
 
-def _impact_rows(impact: Impact) -> list[Row]:
-    name, size = impact.worst_joint
-    after = impact.ball_after
-    speed, spin = float(after.speed), float(np.linalg.norm(after.spin))
-    if spin < 1e-12 * speed / impact.ball.radius:  # rounding
-        spin = 0.0
-    rows = [
-        (f"impulse on ball {colour_key(marks.ARROW)}", f"{np.linalg.norm(impact.impulse):.4g} N s"),
-        (f"worst joint {colour_key(JOINT_ARROW)}", f"{size:.4g} N s at {_name(name)}"),
-        ("effective mass", f"{impact.effective_mass:.4g} kg"),
-        ("foot speed", f"{np.linalg.norm(impact.foot_velocity):.4g} m/s"),
-        ("ball speed", f"{speed:.4g} m/s"),
-        ("ball / foot speed", f"{impact.speed_ratio:.4g}" if impact.foot_velocity.any() else ""),
-        ("launch angle", f"{round(math.degrees(float(after.elevation)), 1) + 0.0:.1f}°"),
-        ("spin", f"{spin:.4g} rad/s"),
-    ]
-    return [row for row in rows if row[1]]
-
-
 def _path_rows(path: BallPath) -> list[Row]:
-    """Return the numbers of a flight, or of a course along the ground, and how it is computed."""
     if isinstance(path, Course):
         methods = "; ".join(dict.fromkeys(flight.method for flight in path.flights))
         return [
@@ -155,14 +144,7 @@ def draw_flights(
     title: str,
     measured: Mapping[str, Array],
 ) -> str:
-    """Draw the curves of up to 8 flights over one lawn, and return their legend as HTML.
-
-    Measured positions, shape `(n, 3)`, are drawn as dots beside the flight they belong to by
-    name.
-
-    Raises:
-        InvalidInput: no flight, or too many.
-    """
+    """Draw flights over one lawn, and dots of measured positions by name; return their legend."""
     if not 0 < len(paths) <= MOST_FLIGHTS:
         raise InvalidInput(f"there are {len(paths)} flights: one page compares 1 to {MOST_FLIGHTS}")
     curves = [curve_of(path) for path in paths.values()]
@@ -184,7 +166,11 @@ def draw_flights(
         marks.draw_curve(viewer[f"curve/{number}"], curve, width, right, colour)
         if name in measured:
             places = measured[name][:: max(len(measured[name]) // MOST_DOTS, 1)]
-            marks.draw_dots(viewer[f"dots/{number}"], places, 0.0035 * size, DOT_COLOUR)
+            solid, size_of_dots = trimesh.creation.icosahedron(), 0.0035 * size
+            corners = (places[:, None] + size_of_dots * solid.vertices).reshape(-1, 3)
+            faces = 12 * np.arange(len(places))[:, None, None] + solid.faces
+            dots = shapes.TriangularMeshGeometry(corners, faces.reshape(-1, 3))
+            viewer[f"dots/{number}"].set_object(dots, marks.overlay(DOT_COLOUR))
         rows.append((f"{colour_key(colour)} {escape(name)}", _length(path)))
     marks.draw_ball(viewer["ball"], radius, start)
     stripe = marks.stripe_width(size)
@@ -201,7 +187,6 @@ def draw_flights(
 
 
 def _length(path: BallPath) -> str:
-    """Return distance, height and time of a ball's path, as text."""
     if isinstance(path, Course):
         return f"{path.distance:.4g} m along the ground, {path.duration:.3g} s"
     return f"{path.range:.3g} m, rises {path.height:.3g} m, {path.duration:.3g} s"

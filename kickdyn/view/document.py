@@ -41,11 +41,6 @@ UP = math.tan(math.radians(FIELD_OF_VIEW / 2))
 LEFT, RIGHT = 0.76 * UP, 1.6 * UP
 """Slopes that bound the scene, in a picture of 16 by 9 with a caption at its left."""
 
-TEMPLATE = "page.html"
-"""The page, beside this file; `html_document` fills in the names between two `@`."""
-
-IDENTIFIER = re.compile(rb"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
-"""The random name that meshcat gives an object, geometry or material."""
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 TIMEOUT = 600.0
@@ -73,7 +68,8 @@ class Recorder:
         """Record a meshcat command, equal to the bytes of another that does the same."""
         names: dict[bytes, bytes] = {}  # numbers of the same length, in order
         self.commands.append(
-            IDENTIFIER.sub(
+            re.sub(  # the random name that meshcat gives an object, geometry or material
+                rb"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}",
                 lambda name: names.setdefault(name[0], b"%036d" % len(names)),
                 umsgpack.packb(command.lower()),
             )
@@ -109,10 +105,7 @@ def draw_label(
 
 
 class SceneParts(NamedTuple):
-    """Scenes as a page has them: `numbers` of the packed commands, each once, and HTML.
-
-    `scenes` has of each the numbers of its commands in order, and `times` of its animation.
-    """
+    """HTML, numbers of packed commands, and of each scene those of its commands and its times."""
 
     numbers: dict[bytes, int]
     scenes: list[dict[str, Any]]
@@ -127,10 +120,7 @@ def scene_parts(
     known: Mapping[bytes, int] = MappingProxyType({}),
     first_number: int = 0,
 ) -> SceneParts:
-    """Return the parts of a page of scenes, and a button with a plain name for each of several.
-
-    Commands without a `known` number get numbers from `first_number` on.
-    """
+    """Return the parts of a page of scenes; commands without a `known` number get further ones."""
     numbers: dict[bytes, int] = {}
     next_number = count(first_number)
     recordings, labels, panels = [], [], []
@@ -158,10 +148,7 @@ def scene_parts(
 def html_document(
     title: str, scenes: Sequence[DrawnScene], names: Sequence[str] = (), *, is_live: bool = False
 ) -> str:
-    """Return a page that shows the first of some scenes, among which buttons with names choose.
-
-    If it is live, it takes scenes from the server that it comes from (`View`).
-    """
+    """Return a page of scenes that buttons choose; a live one gets them from its server."""
     parts = scene_parts(scenes, names)
     values = {
         "title": escape(title),
@@ -180,7 +167,8 @@ def html_document(
         "spread": str(1.1 * (LEFT + RIGHT) / (2 * UP)),
         "aside": str((RIGHT - LEFT) / 2),
     }
-    return re.sub("@([a-z]+)@", lambda name: values[name[1]], _text_of("kickdyn.view", TEMPLATE))
+    page = _text_of("kickdyn.view", "page.html")  # the names between two `@` are filled in
+    return re.sub("@([a-z]+)@", lambda name: values[name[1]], page)
 
 
 @cache
@@ -192,20 +180,12 @@ def find_browser() -> str:
     """Return the browser that draws pictures, or raise `InvalidInput` if there is none."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
-        raise InvalidInput(
-            "a picture of a page needs Chromium: install it (Debian package chromium), "
-            "or write the page alone"
-        )
+        raise InvalidInput("a picture of a page needs Chromium (Debian package chromium)")
     return browser
 
 
 def save_picture(html: str, path: FileName, time: float = 0.0) -> None:
-    """Write a page as a PNG, at a time from the impact [s].
-
-    Raises:
-        InvalidInput: there is no Chromium, or the file cannot be written.
-        KickdynError: Chromium failed.
-    """
+    """Write a page as a PNG, at a time from the impact [s]; raise where Chromium cannot."""
     browser = find_browser()
     with replacing(path) as draft, tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"
@@ -229,9 +209,6 @@ def save_picture(html: str, path: FileName, time: float = 0.0) -> None:
 
 ROOT = "/meshcat/"
 
-NUMBER_TYPES = {0x16: np.uint32, 0x17: np.float32}
-"""Types of meshcat's packed arrays, by the code of their extension."""
-
 SEGMENTS = 32
 
 Y_UP: Array = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -239,13 +216,6 @@ Y_UP: Array = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1
 
 Z_TO_Y: Array = np.array([[0.0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
 """A rotation that turns the axis z to y."""
-
-
-TARGETS = {".position": "translation", ".quaternion": "rotation", ".scale": "scale"}
-"""What meshcat's tracks move, by its name in glTF."""
-
-FLOAT = 5126
-"""Type of 32-bit floats in glTF."""
 
 
 def to_glb(recorder: Recorder) -> bytes:
@@ -297,7 +267,7 @@ def _animate(clips: dict[str, Any], buffers: dict[Any, bytes], tree: dict[str, A
         array = np.asarray(numbers, dtype="<f4")
         rows, key = array.reshape(len(array), -1), ("animation", len(buffers))
         tree["accessors"][key] = {
-            "bufferView": len(buffers), "componentType": FLOAT, "count": len(array),
+            "bufferView": len(buffers), "componentType": 5126, "count": len(array),  # floats
             "type": "SCALAR" if array.ndim == 1 else f"VEC{array.shape[1]}",
             "min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist(),
         }  # fmt: skip
@@ -316,7 +286,8 @@ def _animate(clips: dict[str, Any], buffers: dict[Any, bytes], tree: dict[str, A
         for track in clip["tracks"]:
             frames, indices = np.unique([key["time"] for key in track["keys"]], return_index=True)
             values = np.array([track["keys"][k]["value"] for k in indices])
-            target = {"node": number, "path": TARGETS[track["name"]]}
+            kinds = {".position": "translation", ".quaternion": "rotation", ".scale": "scale"}
+            target = {"node": number, "path": kinds[track["name"]]}
             channels.append({"sampler": len(samplers), "target": target})
             samplers.append({"input": accessor(frames / clip["fps"]), "output": accessor(values)})
     if channels:
@@ -334,16 +305,24 @@ def _mesh(lowered: dict[str, Any]) -> Any:
         case "SphereGeometry":
             mesh = trimesh.creation.uv_sphere(geometry["radius"], count=[SEGMENTS, SEGMENTS])
         case "CylinderGeometry":
-            half, top, bottom = (
-                0.5 * geometry["height"],
-                geometry["radiusTop"],
-                geometry["radiusBottom"],
+            height, top, bottom = (geometry[x] for x in ("height", "radiusTop", "radiusBottom"))
+            profile = np.array([(0.0, -0.5), (bottom, -0.5), (top, 0.5), (0.0, 0.5)]) * (
+                1.0,
+                height,
             )
-            profile = [(0.0, -half), (bottom, -half), (top, half), (0.0, half)]
             mesh = trimesh.creation.revolve(profile, sections=SEGMENTS)  # about z; three.js's is y
             mesh.apply_transform(Z_TO_Y)
         case _:
-            mesh = _triangles(geometry["data"])
+            data = geometry["data"]
+            attributes = {name: _array(packed) for name, packed in data["attributes"].items()}
+            vertices, faces = attributes["position"], _array(data["index"]).reshape(-1, 3)
+            colours = attributes.get("color")
+            if colours is not None:  # of the ground, the part that is no backdrop
+                size = np.abs(vertices).max(axis=1)
+                faces = faces[(size[faces] < 0.5 * size.max()).all(axis=1)]
+            mesh = trimesh.Trimesh(vertices, faces, vertex_colors=colours, process=False)
+            if colours is not None:
+                mesh.remove_unreferenced_vertices()
     rgb = int(material.get("color", 0xFFFFFF)).to_bytes(3)
     alpha = round(255 * float(material.get("opacity", 1.0)))
     if not material.get("vertexColors"):
@@ -357,22 +336,8 @@ def _mesh(lowered: dict[str, Any]) -> Any:
     return mesh
 
 
-def _triangles(data: dict[str, Any]) -> Any:
-    """Return a mesh of triangles; of the ground, the part that is no backdrop."""
-    attributes = {name: _array(packed) for name, packed in data["attributes"].items()}
-    vertices, faces = attributes["position"], _array(data["index"]).reshape(-1, 3)
-    colours = attributes.get("color")
-    if colours is None:
-        return trimesh.Trimesh(vertices, faces, process=False)
-    size = np.abs(vertices).max(axis=1)
-    faces = faces[(size[faces] < 0.5 * size.max()).all(axis=1)]
-    mesh = trimesh.Trimesh(vertices, faces, vertex_colors=colours, process=False)
-    mesh.remove_unreferenced_vertices()
-    return mesh
-
-
 def _array(packed: dict[str, Any]) -> Any:
-    """Return an array as meshcat has packed it, a row for each vertex or face."""
     extension = packed["array"]
-    numbers = np.frombuffer(extension.data, NUMBER_TYPES[extension.type])
+    # types of meshcat's packed arrays, by the code of their extension
+    numbers = np.frombuffer(extension.data, {0x16: np.uint32, 0x17: np.float32}[extension.type])
     return np.asarray(numbers.reshape(-1, packed["itemSize"]))

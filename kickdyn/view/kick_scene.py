@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+import meshcat.geometry as shapes
 import meshcat.transformations as tf
 import numpy as np
 import pinocchio as pin
@@ -43,9 +44,6 @@ JOINT_ARROW = 0xF28C00
 LEAST_JOINT_IMPULSE = 0.05
 """Least impulse of a joint that gets an arrow, over the largest impulse of the kick."""
 
-LABELLED_JOINTS = 3
-"""Number of joints, those with the largest impulses, whose arrows have a label at all times."""
-
 RATE = 60
 """Pictures per second; what spins faster than half a turn in one cannot be shown anyway."""
 
@@ -57,11 +55,7 @@ SWING_LENGTH = 0.6
 
 
 class Arrow(NamedTuple):
-    """An impulse that is drawn: its node in the viewer, `(3,)` [m] and [N s], and 0xRRGGBB.
-
-    `name` is plain text: the joint that transmits it, or `ball`; `joint` is the number of the
-    joint in the model, and 0 for the ball.
-    """
+    """An impulse that is drawn: node, start [m], impulse [N s], 0xRRGGBB, name and joint or 0."""
 
     node: str
     start: Array
@@ -77,11 +71,7 @@ class Arrow(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Which time of the kick each picture shows.
-
-    `times` belong to the pictures, 0 at the impact, shape `(n,)` [s], and `impact` is the index
-    of the picture of the impact. Leg and ball rest from the last of `times` to the picture `end`.
-    """
+    """Times of the kick by picture, `(n,)` [s], the picture of the impact, and the last one."""
 
     times: Array
     impact: int
@@ -89,10 +79,7 @@ class Pace(NamedTuple):
 
     @property
     def knots(self) -> Array:
-        """Times of the animation, and of the kick that it shows then, shape `(4, 2)` [s].
-
-        The kick's time is linear in between.
-        """
+        """Times of the animation and of the kick at them, linear in between, shape `(4, 2)` [s]."""
         last = len(self.times) - 1
         follow = min(self.impact + round(FOLLOW_TIME * RATE), last)
         numbers = np.unique([0, self.impact, follow, last])
@@ -110,15 +97,12 @@ def draw_kick(
     lies: bool = True,
     run: SimulatedRun | None = None,
 ) -> tuple[Pace, str]:
-    """Draw a kick, from the swing to the landing, over and over, with walls and goals as scenery.
+    """Draw a kick, from the swing to the landing, over and over; return its pace and a sentence.
 
-    Without a motion from rest to rest through this impact, the joints move as `leg_configuration`
-    says. The path of a ball that moves before the impact, its `arrival`, ends at the impact. A
-    simulated `run` of the same kick is drawn at its right. Where the ball need not lie on the
-    ground (`lies`), the ground is where a robot stands, or as low as ball and leg come.
-
-    Returns:
-        The pace of the animation, and a sentence about the ground, empty if the ball lies on it.
+    Without a motion through this impact, the joints move as `leg_configuration` says. The
+    `arrival` is the ball's path before the impact; a simulated `run` is drawn at the right.
+    Where the ball need not lie on the ground (`lies`), the ground is where a robot stands, or
+    as low as ball and leg come: the sentence is about that.
     """
     leg, ball, before = impact.posture.leg, impact.ball, impact.ball_before
     duration = path.duration
@@ -191,7 +175,6 @@ def draw_kick(
 
 
 def _draw_arrival(viewer: Any, curve: Array, width: Any, wait: float) -> None:
-    """Draw the path of a ball to the impact, and the time for which it was seen [s]."""
     sideways = np.cross(marks.level_direction(curve[-1] - curve[0]), marks.UP_AXIS)
     marks.draw_curve(viewer["arrival"], curve, width, sideways, marks.ARRIVAL)
     draw_label(viewer["meeting"], f"met after {wait:.3g} s", curve[-1], f"#{marks.ARRIVAL:06x}")
@@ -220,7 +203,10 @@ def _draw_tee(viewer: Any, impact: Impact, foot: Array, *, lies: bool) -> str:
     before, radius = impact.ball_before, impact.ball.radius
     lift = float(before.position[2]) - radius - float(foot[2])
     if lift > LEAST_TEE_HEIGHT and not lies and not before.velocity.any():
-        marks.draw_tee(viewer["tee"], foot + lift * marks.UP_AXIS, lift, radius)
+        stand = shapes.Cylinder(lift, radiusTop=0.45 * radius, radiusBottom=0.3 * radius)
+        viewer["tee"].set_object(stand, shapes.MeshLambertMaterial(color=0xF2C230))
+        middle = tf.translation_matrix(foot + lift / 2 * marks.UP_AXIS)
+        viewer["tee"].set_transform(middle @ marks.UPRIGHT)
         return f"The ball is on a tee, {lift:.2g} m above the ground."
     if lift < -LEAST_TEE_HEIGHT:
         return f"The ball is {-lift:.2g} m in the ground on which the robot stands."
@@ -250,11 +236,9 @@ def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
 
 
 def draw_impulses(viewer: Any, arrows: Sequence[Arrow], scale: float) -> None:
-    """Draw impulses as `impulse_arrows` returns them, to a scale [m/(N s)].
-
-    The ball's and the largest of the joints are labelled, the others under the pointer.
-    """
-    shown = sum(arrow.colour == marks.ARROW for arrow in arrows) + LABELLED_JOINTS
+    """Draw impulses to a scale [m/(N s)]; labels of all but the largest are under the pointer."""
+    # number of joints, those with the largest impulses, whose arrows have a label at all times
+    shown = sum(arrow.colour == marks.ARROW for arrow in arrows) + 3
     for number, arrow in enumerate(arrows):
         node, tip, is_shown = viewer[arrow.node], scale * arrow.impulse, number < shown
         marks.draw_arrow(node, tip, arrow.colour)
@@ -267,20 +251,18 @@ def draw_impulses(viewer: Any, arrows: Sequence[Arrow], scale: float) -> None:
 def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -> Pace:
     """Return the pace that shows strike and flight, of this duration [s], in about four seconds.
 
-    A hard strike takes a hundredth of the flight's time, so it is shown slower; where the flight
-    is no longer than the strike, both have one pace. A planned motion takes `backswing` [s] from
-    rest to the impact.
+    A hard strike is slower than the flight. A planned motion takes `backswing` to the impact
+    [s].
     """
     before = 1.2 if backswing is None else 3.0  # shown before the impact [s]
+    strike = math.inf if backswing is None else backswing / before
     if backswing is None:
         fastest = float(max(np.abs(impact.v_before).max(), np.abs(impact.v_after).max()))
-        swing = SWING_LENGTH / fastest if fastest > 0 else math.inf
-        same_pace = duration / (FOLLOW_TIME + FLIGHT_TIME) if duration > 0 else math.inf
-        strike = min(swing / before, same_pace)
-    else:
-        strike = backswing / before
-    if not math.isfinite(strike):
-        strike = 1.0
+        if fastest > 0.0:
+            strike = SWING_LENGTH / fastest / before
+        if duration > 0.0:
+            strike = min(strike, duration / (FOLLOW_TIME + FLIGHT_TIME))
+    strike = strike if math.isfinite(strike) else 1.0
     after = max(duration, strike * (FOLLOW_TIME + FLIGHT_TIME))
     flight = (after - strike * FOLLOW_TIME) / FLIGHT_TIME
     moments = np.arange(round((before + FOLLOW_TIME + FLIGHT_TIME) * RATE) + 1) / RATE - before
@@ -290,11 +272,7 @@ def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -
 
 
 def leg_configuration(impact: Impact, time: float) -> Array:
-    """Return q at a time from the impact [s], shape `(nq,)`.
-
-    The joints move with the velocity before the impact, and after it come to rest from the
-    velocity after it, within their ranges; a floating base, so that the first support stays.
-    """
+    """Return q at a time from the impact [s]: swinging, then coming to rest, on its support."""
     leg, q = impact.posture.leg, impact.posture.q
     model = leg.workspace.model
     fastest = float(np.abs(impact.v_after).max())
@@ -338,11 +316,7 @@ def ball_poses(
 
 
 def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> float:
-    """Return the height of the ground of a kick that does not name it [m, world frame].
-
-    A robot stands on it with its first support; else it is as low as the ball's lowest position,
-    `bottom`, and the leg at its configurations during the kick.
-    """
+    """Return the height of the ground [m]: of the support, else of the lowest point."""
     posture = impact.posture
     leg = posture.leg
     if leg.constraints is not None and leg.constraints.supports:
@@ -364,10 +338,7 @@ def _animation(
     arrows: Sequence[Arrow],
     run: DrawnRun | None,
 ) -> Animation:
-    """Return the motion of leg and ball, and of the arrows.
-
-    The arrows appear at the impact. Those of joints then move with their joints.
-    """
+    """Return the motion of leg, ball and arrows, which appear at the impact with their joints."""
     animation = Animation(default_framerate=RATE)
     # All tracks end together, so that they stay together when they repeat.
     numbers, times = [*range(len(moved)), pace.end], [*pace.times, pace.times[-1]]

@@ -59,16 +59,14 @@ class KickSliders:
         InvalidInput: ipywidgets is not installed, or a leg with too many joints.
     """
 
+    @validation.check_arguments
     def __init__(
         self, leg: Leg | None = None, ball: Ball | None = None, air: Air | None = None
     ) -> None:
         validation.check_installed("ipywidgets", "notebooks", "sliders")
         import ipywidgets
 
-        validation.check_type(Leg, type(None), leg=leg)
-        validation.check_type(Ball, type(None), ball=ball)
-        validation.check_type(Air, type(None), air=air)
-        self._leg = Leg.human() if leg is None else leg
+        self._leg = leg or Leg.human()
         self._ball, self._air = ball or Ball(), air or Air()
         joints = self._leg.single_joints
         if not 0 < len(joints) <= MOST_SLIDERS:
@@ -104,7 +102,6 @@ class KickSliders:
         self._box: Any = ipywidgets.VBox([rows, self._note, frame])
 
     def _kick(self) -> tuple[Impact, Flight]:
-        """Return the kick of the sliders."""
         values = {name: float(slider.value) for name, slider in self.sliders.items()}
         angles = {name: math.radians(values[name]) for name in self._joints}
         posture = self._leg.posture(self._leg.configuration(angles))
@@ -119,7 +116,6 @@ class KickSliders:
         return impact, fly(impact.ball_after, self._ball, self._air)
 
     def _move(self, change: object = None) -> None:
-        """Show the kick of the sliders, or say why there is none."""
         try:
             self.impact, self.path = self._kick()
         except KickdynError as error:
@@ -130,6 +126,5 @@ class KickSliders:
         self._note.value = self.message
 
     def _repr_mimebundle_(self, **kwargs: Any) -> Any:
-        """Return the widget, as Jupyter asks for it."""
         bundle: Callable[..., Any] = self._box._repr_mimebundle_
         return bundle(**kwargs)

@@ -43,9 +43,6 @@ CURVE = 0xF28C00
 CURVE_POINTS = 150
 """Points of the curve of a flight."""
 
-SEPARATION = 1.2
-"""Distance of the two robots over the width of one, across the kick."""
-
 PERSON_COLOUR = 0x8A97A6
 PERSON = (
     ((0.0, 0.0, 0.25), (0.0, 0.0, 1.25), 0.3),  # trunk
@@ -63,10 +60,7 @@ def curve_of(path: BallPath, count: int = CURVE_POINTS) -> Array:
 
 
 class BodyShape(NamedTuple):
-    """A geometry of meshcat fixed to a joint, in a colour of four numbers from 0 to 1.
-
-    `joint` is the index in the model, 0 for the world; `pose` is in its frame, `(4, 4)` [m].
-    """
+    """A geometry of meshcat, its joint (0: the world), its pose there `(4, 4)` [m], and colour."""
 
     joint: int
     pose: Array
@@ -93,13 +87,7 @@ def move_leg(frame: Any, node: str, leg: Leg, q: Array) -> list[Array]:
 
 
 def draw_leg(viewer: Any, leg: Leg, q: Array) -> Array:
-    """Draw a leg at a configuration; joint number i is the node `viewer[str(i)]`.
-
-    What cannot be drawn becomes a line of `viewer.window.warnings`.
-
-    Returns:
-        Corners of boxes around its shapes, shape `(n, 3)` [m, world frame].
-    """
+    """Draw a leg, joint i as `viewer[str(i)]`; return corners of its boxes, `(n, 3)` [m, world]."""
     poses, corners = joint_poses(leg, q), []
     body_shapes, warning = leg_shapes(leg)
     if warning and warning not in viewer.window.warnings:
@@ -124,10 +112,7 @@ def draw_leg(viewer: Any, leg: Leg, q: Array) -> Array:
 
 
 def _draw_person(viewer: Any, leg: Leg) -> None:
-    """Draw the rest of the person to whom a leg of `Leg.human` belongs, as a faint figure.
-
-    The hip of such a leg is fixed. The figure has no part in any computation.
-    """
+    """Draw the rest of the person of a `Leg.human` with a fixed hip, as a faint figure."""
     model = leg.workspace.model
     is_person = (leg.name or "").startswith("leg_human") and "knee" in model.names
     if not is_person or model.joints[1].nq != 1:  # a pelvis that moves
@@ -147,11 +132,7 @@ def _draw_person(viewer: Any, leg: Leg) -> None:
 
 
 def leg_shapes(leg: Leg) -> tuple[list[BodyShape], str]:
-    """Return the shapes of a leg's figure, and a warning, empty if nothing is left out.
-
-    They are the shapes that the leg's file describes, and sticks from joint to joint for the bodies
-    without any. What cannot be drawn, as a mesh that is missing or refused, is left out.
-    """
+    """Return the shapes of a leg's file, sticks for bodies without any, and a warning."""
     if leg.file is None:
         return list(_sticks(leg, set())), ""
     try:
@@ -212,10 +193,10 @@ def _shapes(visual: Visual, read: MeshReader) -> Iterator[tuple[Any, Array, Arra
 
 
 def _sticks(leg: Leg, drawn: set[int]) -> Iterator[BodyShape]:
-    """Yield the stick figure of the bodies of all joints but the drawn ones.
+    """Yield spheres at joints, and cylinders to the next ones, of all bodies but the drawn ones.
 
-    It is a sphere at the joint, and cylinders to the next joints and to the contact point. A joint
-    whose next ones are all in the same place has none: the bodies between them have no extent.
+    A joint whose next ones are all in the same place has none: the bodies between have no
+    extent.
     """
     model = leg.workspace.model
     ends = [
@@ -240,7 +221,6 @@ def _sticks(leg: Leg, drawn: set[int]) -> Iterator[BodyShape]:
 
 
 def _corners(shape: Any) -> Array:
-    """Return the corners of the box around a shape, along its own axes, `(8, 3)` [m]."""
     middle = np.zeros(3)
     if isinstance(shape, shapes.TriangularMeshGeometry):
         low, high = np.min(shape.vertices, axis=0), np.max(shape.vertices, axis=0)
@@ -268,14 +248,7 @@ class SimulatedRun(Protocol):
 
 
 class DrawnRun(NamedTuple):
-    """A simulated robot and its ball under the node `run` of the viewer, displaced by an offset.
-
-    Attributes:
-        run: that is drawn.
-        offset: of the node, shape `(3,)` [m].
-        corners: of boxes around the robot's shapes, shape `(n, 3)` [m, world frame].
-        curve: points of the ball's path, shape `(n, 3)` [m, world frame]; none for a missed ball.
-    """
+    """A simulated robot and ball at an offset [m], corners of boxes, and the ball's curve."""
 
     run: SimulatedRun
     offset: Array
@@ -302,13 +275,10 @@ class DrawnRun(NamedTuple):
 
 
 def draw_run(viewer: Any, run: SimulatedRun, forward: Array, planned: Array) -> DrawnRun:
-    """Draw robot and ball of a run to the right of the planned robot, and both of their names.
-
-    `forward` is the horizontal direction of the kick, shape `(3,)`; `planned` are corners of boxes
-    around the planned robot, shape `(n, 3)` [m].
-    """
+    """Draw robot and ball of a run to the right of the planned robot, which has these corners."""
     right, impact = np.cross(forward, UP_AXIS), run.plan.impact
-    offset = max(SEPARATION * float(np.ptp(planned @ right)), 8 * impact.ball.radius) * right
+    # distance of the two robots over the width of one, across the kick
+    offset = max(1.2 * float(np.ptp(planned @ right)), 8 * impact.ball.radius) * right
     node, leg = viewer["run"], impact.posture.leg
     node.set_transform(tf.translation_matrix(offset))
     corners = draw_leg(node["leg"], leg, run.q[0])

@@ -26,10 +26,6 @@ LIGHT_INTENSITIES = {
     "PointLightNegativeX": 0.1,
     "PointLightPositiveX": 0.1,
 }
-SUN_DIRECTION = np.array([-0.3, -0.5, 0.81])
-"""Unit vector from the scene to the light."""
-
-
 CURVE_RADIUS = 0.0017
 """Radius of a flight's curve over its distance from the camera: 3 or 4 pixels on a screen."""
 
@@ -46,16 +42,11 @@ class Camera(NamedTuple):
 
 
 def camera_for(near: Array, far: Array, forward: Array, *, behind: bool = False) -> Camera:
-    """Return the camera that sees all points and keeps leg and ball recognisable.
+    """Return the camera that sees all points, and recognisable near ones, of leg and ball.
 
-    A kick of some metres is seen from the right side. The longer the flight, the further the
-    camera moves behind the leg, where perspective shortens it.
-
-    Args:
-        near: points of leg and ball, shape `(n, 3)` [m, world frame].
-        far: points of the flight and of all else that is drawn, likewise.
-        forward: horizontal unit vector of the flight, shape `(3,)`.
-        behind: whether to look along the flight in any case, at a wall or goal across it.
+    A kick of some metres is seen from the right side; the longer the flight, the further the
+    camera moves behind the leg, where perspective shortens it. With `behind` it looks along the
+    flight in any case, at a wall or goal.
     """
     floor = near[:, 2].min()
     points = np.vstack([near, far])
@@ -81,8 +72,7 @@ def camera_for(near: Array, far: Array, forward: Array, *, behind: bool = False)
 def set_stage(viewer: Any, camera: Camera, points: Array) -> None:
     """Set sky, camera, and light that casts the shadows of points, shape `(n, 3)` [m].
 
-    The script of the page keeps the camera above the ground. meshcat's camera turns about the
-    origin only, so the scene is moved instead of its target.
+    meshcat's camera turns about the origin only, so the scene moves instead of its target.
     """
     for name in ("/Grid", "/Axes"):
         viewer[name].set_property("visible", False)
@@ -92,7 +82,8 @@ def set_stage(viewer: Any, camera: Camera, points: Array) -> None:
         viewer[f"/Lights/{name}/<object>"].set_property("intensity", brightness)
     reach = float(np.linalg.norm(points - camera.target, axis=1).max())
     sun = viewer["/Lights/FillLight/<object>"]
-    sun.set_property("position", (1.8 * reach * SUN_DIRECTION).tolist())
+    # unit vector from the scene to the light
+    sun.set_property("position", (1.8 * reach * np.array([-0.3, -0.5, 0.81])).tolist())
     sun.set_property("reach", reach)  # the page's script frames the shadows by it
     x, y, z = (camera.position - camera.target).tolist()
     size = math.hypot(x, y, z)
@@ -142,16 +133,12 @@ def _nearest_position(points: Array) -> Array:
 
 
 CURVE, ARROW, AXIS, ARRIVAL = 0xE63946, 0x2456D6, 0x1D2733, 0x7B3FA0
-TEE = 0xF2C230
 GRASS = (0x86B56B, 0x7DAD63)
 HEXAGON, PENTAGON = 0xF7F7F2, 0x1E2A38
 SIDES = 8  # of a tube that draws a curve
 
 SHAFT, NECK, HEAD = 0.028, 0.72, 0.084
 """Of an arrow, over its length: radius of the shaft, where the head begins, the head's radius."""
-
-PANEL_ANGLE = 0.36
-"""Angle between the middle and the edge of a dark panel of the ball, at the ball's centre [rad]."""
 
 UPRIGHT: Array = tf.rotation_matrix(math.pi / 2, (1, 0, 0))
 """Turns the axis of meshcat's cylinder, y, to z, which is the axis of a URDF's cylinder."""
@@ -171,10 +158,7 @@ def level_pose(origin: Array, forward: Array) -> Array:
 
 
 def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach: float) -> None:
-    """Draw a level lawn around `centre`, mown in stripes across the unit vector `forward`.
-
-    The stripes are `stripe` wide and fade out at the distance `reach` [m].
-    """
+    """Draw a lawn around a centre with stripes across `forward`, which fade out at `reach` [m]."""
     count = math.ceil(reach / stripe)
     edges = stripe * np.arange(-count, count + 1)
     end, far = edges[-1], 100 * edges[-1]
@@ -194,27 +178,18 @@ def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach
         colours.reshape(-1, 3),
     )
     viewer.set_object(lawn, shapes.MeshBasicMaterial(vertexColors=True))
-    viewer["shadow"].set_object(lawn, _Shadow(color=0, opacity=0.4, **COPLANAR_OFFSET))
+    # of what lies in the plane of the ground, so that it is seen
+    offset = {"polygonOffset": True, "polygonOffsetFactor": -1.0, "polygonOffsetUnits": -4.0}
+    viewer["shadow"].set_object(lawn, _Shadow(color=0, opacity=0.4, **offset))
     viewer.set_transform(level_pose(centre, forward))
 
 
 class _Shadow(shapes.GenericMaterial):  # type: ignore[misc]
-    """three.js's material that is seen only where a shadow falls."""
-
-    _type = "ShadowMaterial"
-
-
-COPLANAR_OFFSET = {"polygonOffset": True, "polygonOffsetFactor": -1.0, "polygonOffsetUnits": -4.0}
-"""Of the material of what lies in the plane of the ground, so that it is seen."""
+    _type = "ShadowMaterial"  # of three.js, seen only where a shadow falls
 
 
 def draw_distances(viewer: Any, start: Array, forward: Array, step: float, length: float) -> None:
-    """Write the distance at every stripe of the lawn, from the point `start` on the ground [m].
-
-    The stripes are `step` wide, across the unit vector `forward`, and the last distance is at the
-    edge nearest to `length` [m]. The page writes the first and the last distance first, the others
-    where there is space.
-    """
+    """Write the distance at each stripe across `forward` up to `length` [m], ends first."""
     count = max(1, math.ceil(length / step - 0.05))
     for k in (0, count, *range(1, count)):
         text = f"{round(k * step, 9):g} m"
@@ -232,11 +207,7 @@ def draw_axes(viewer: Any, origin: Array, length: float) -> None:
 
 
 def draw_curve(viewer: Any, points: Array, radii: Array, side: Array, colour: int = CURVE) -> None:
-    """Draw a tube through points `(n, 3)` with radii `(n,)` [m], over everything else.
-
-    A line would be one pixel thin in WebGL. The unit vector `side` is roughly at right angles
-    to the curve.
-    """
+    """Draw a tube, as lines are thin in WebGL, through points `(n, 3)` [m]; `side` is across it."""
     moves = np.linalg.norm(np.diff(points, axis=0), axis=1)
     distinct = np.concatenate([[True], moves > 1e-9 * np.abs(points).max()])
     points, radii = points[distinct], radii[distinct]
@@ -255,21 +226,6 @@ def draw_curve(viewer: Any, points: Array, radii: Array, side: Array, colour: in
     a, b = begin + np.arange(SIDES), begin + (np.arange(SIDES) + 1) % SIDES
     faces = np.stack([a, b, b + SIDES, a, b + SIDES, a + SIDES], axis=-1).reshape(-1, 3)
     viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), overlay(colour))
-
-
-def draw_dots(viewer: Any, points: Array, radius: float, colour: int) -> None:
-    """Draw icosahedra of a radius [m] around points, shape `(n, 3)`, over everything else."""
-    solid = trimesh.creation.icosahedron()
-    vertices = (points[:, None] + radius * solid.vertices).reshape(-1, 3)
-    faces = (12 * np.arange(len(points))[:, None, None] + solid.faces).reshape(-1, 3)
-    viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), overlay(colour))
-
-
-def draw_tee(viewer: Any, top: Array, height: float, radius: float) -> None:
-    """Draw the stand of a ball of this radius, of this height below a point `(3,)` [m]."""
-    stand = shapes.Cylinder(height, radiusTop=0.45 * radius, radiusBottom=0.3 * radius)
-    viewer.set_object(stand, shapes.MeshLambertMaterial(color=TEE))
-    viewer.set_transform(tf.translation_matrix(top - height / 2 * UP_AXIS) @ UPRIGHT)
 
 
 def draw_arrow(viewer: Any, vector: Array, colour: int) -> None:
@@ -299,13 +255,11 @@ def draw_ball(viewer: Any, radius: float, position: Array) -> None:
 
 @cache
 def _panels() -> dict[str, tuple[Array, Array]]:
-    """Return vertices and faces of the dark panels and of the others, on the unit sphere.
-
-    The dark ones are round the twelve corners of an icosahedron, as on a football.
-    """
+    """Return vertices and faces of a ball's panels, the dark ones at corners of an icosahedron."""
     sphere = trimesh.creation.icosphere(subdivisions=4)
     corners = trimesh.creation.icosahedron().vertices
-    dark = (sphere.triangles_center @ corners.T).max(axis=1) > math.cos(PANEL_ANGLE)
+    # angle between the middle and the edge of a dark panel of the ball, at the ball's centre [rad]
+    dark = (sphere.triangles_center @ corners.T).max(axis=1) > math.cos(0.36)
     return {
         "pentagons": (sphere.vertices, sphere.faces[dark]),
         "hexagons": (sphere.vertices, sphere.faces[~dark]),

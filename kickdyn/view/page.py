@@ -161,7 +161,16 @@ def page(
     if path is not None and not isinstance(subject, Impact):
         raise InvalidInput(f"path is given with a {type(subject).__name__}: it is for an Impact")
     if isinstance(subject, _LegAlone):
-        return _page_of_leg(subject, caption)
+        viewer = recording_viewer()
+        if isinstance(subject, Motion | RecordedMotion | MotionCheck):
+            motion = subject.motion if isinstance(subject, MotionCheck) else subject
+            robot = motion.robot if isinstance(motion, Motion) else motion.leg
+            panel, pace = draw_motion(viewer, subject, caption)
+            return Page(viewer, f"{robot.name or 'leg'}: motion", panel, pace)
+        posture = (
+            subject if isinstance(subject, Posture) else subject.posture(subject.configuration())
+        )
+        return Page(viewer, posture.leg.name or "leg", draw_posture(viewer, posture, caption))
     if not isinstance(subject, _MovingSubject):
         return _comparison(subject, caption)
     kick = _kick_of(subject, path, caption)
@@ -171,11 +180,9 @@ def page(
     pace, ground = draw_kick(
         viewer, impact, kick.path, boxes, kick.motion, arrival=kick.arrival, lies=kick.lies, run=run
     )
-    text = (
-        ". ".join(filter(None, [kick.caption.removesuffix("."), ground]))
-        if ground
-        else kick.caption
-    )
+    text = kick.caption
+    if ground:
+        text = ". ".join(filter(None, [text.removesuffix("."), ground]))
     brief = [line.partition("; ")[0] for line in kick.warnings]
     warnings = list(dict.fromkeys([*viewer.window.warnings, *brief]))
     panel = kick_panel(impact, kick.path, text, warnings, kick.rows)
@@ -184,22 +191,8 @@ def page(
     return Page(viewer, title, panel, pace)
 
 
-def _page_of_leg(subject: _LegAlone, caption: str) -> Page:
-    viewer = recording_viewer()
-    if isinstance(subject, Motion | RecordedMotion | MotionCheck):
-        motion = subject.motion if isinstance(subject, MotionCheck) else subject
-        robot = motion.robot if isinstance(motion, Motion) else motion.leg
-        panel, pace = draw_motion(viewer, subject, caption)
-        return Page(viewer, f"{robot.name or 'leg'}: motion", panel, pace)
-    posture = subject if isinstance(subject, Posture) else subject.posture(subject.configuration())
-    return Page(viewer, posture.leg.name or "leg", draw_posture(viewer, posture, caption))
-
-
 class _Kick(NamedTuple):
-    """What a page shows of a kick; `lies` says whether the ball cannot be on a tee.
-
-    `rows` are further ones of its result.
-    """
+    """What a page shows of a kick; `lies` if its ball is on no tee; `rows` are further ones."""
 
     impact: Impact
     path: BallPath
@@ -213,7 +206,6 @@ class _Kick(NamedTuple):
 
 
 def _kick_of(subject: _MovingSubject, path: BallPath | None, caption: str) -> _Kick:
-    """Return the kick that a subject has; a path is given with an `Impact` only."""
     match subject:
         case Impact():
             flown = fly(subject.ball_after, subject.ball, Air()) if path is None else path
@@ -237,7 +229,6 @@ def _kick_of(subject: _MovingSubject, path: BallPath | None, caption: str) -> _K
 
 
 def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
-    """Return the kick of a scene, with its wall or goal if it is in sight."""
     impact, path, scene = simulation.impact, simulation.path, simulation.scene
     if not isinstance(impact, Impact):
         raise InvalidInput(
@@ -286,15 +277,17 @@ def _comparison(
         if not isinstance(subject, Iterable) or isinstance(subject, str):
             raise InvalidInput(f"a page cannot show a {type(subject).__name__}")
         subject = {str(number): item for number, item in enumerate(subject, start=1)}
-    measured: dict[str, Array] = {}
-    impacts: dict[str, Impact] = {}
-    paths: dict[str, BallPath] = {}
+    measured, impacts, paths = dict[str, Array](), dict[str, Impact](), dict[str, BallPath]()
     for name, item in subject.items():
         match item:
             case Impact():
                 impacts[name] = item
-            case Launch():
-                paths[name] = item.flight
+            case Launch(flight=path) | Pass(course=path):
+                paths[name] = path
+            case Identification():
+                paths[name], measured[name] = item.flight, item.track.positions
+            case Flight() | Course():
+                paths[name] = item
             case Pass():
                 paths[name] = item.course
             case Identification():
@@ -312,11 +305,8 @@ def _comparison(
     return Page(viewer, title, draw_flights(viewer, paths, title, measured))
 
 
-MOTION_TIME = 5.0
-"""How long a motion is shown [s]."""
-
-MOST_JOINTS = 12
-"""Number of joints up to which those at 0 are named too."""
+MOTION_TIME, MOST_JOINTS = 5.0, 12
+"""How long a motion is shown [s], and number of joints up to which those at 0 are named too."""
 
 
 def draw_posture(viewer: Any, posture: Posture, text: str) -> str:
@@ -337,10 +327,7 @@ def draw_posture(viewer: Any, posture: Posture, text: str) -> str:
 def draw_motion(
     viewer: Any, subject: Motion | RecordedMotion | MotionCheck, text: str
 ) -> tuple[str, Pace]:
-    """Draw a robot in its motion, and return its numbers as HTML and the pace.
-
-    A recorded motion is shown as fast as it was; if it is checked, with the ball of the best frame.
-    """
+    """Draw a robot in its motion, as fast as recorded; return its numbers as HTML, and the pace."""
     check = subject if isinstance(subject, MotionCheck) else None
     motion = subject.motion if isinstance(subject, MotionCheck) else subject
     is_recorded, warnings = isinstance(motion, RecordedMotion), list(motion.warnings)
@@ -381,7 +368,6 @@ def draw_motion(
 
 
 def _draw(viewer: Any, leg: Leg, configurations: Sequence[Array]) -> None:
-    """Draw a leg at the first of some configurations, with a ground under all of them."""
     corners = draw_leg(viewer["leg"], leg, configurations[0])
     joints = np.vstack([
         [pose[:3, 3] for pose in joint_poses(leg, q)[1:]] for q in configurations[::8]

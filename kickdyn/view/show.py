@@ -15,7 +15,7 @@ import threading
 import webbrowser
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any, NamedTuple
+from typing import Any
 
 import meshcat.geometry as shapes
 import meshcat.transformations as tf
@@ -47,29 +47,17 @@ CURVE_POINTS = 60
 ELLIPSOID = 0x8E44AD
 """Colour of the impulse ellipsoid."""
 
-LONGEST_SHARE = 1.6
-"""Length of the longest flight that the camera shows, over the first one's."""
-
-ELLIPSOID_SHARE = 0.35
-"""Largest radius of the first impulse ellipsoid over the size of leg and ball."""
-
-
-class Moves(NamedTuple):
-    """What changes in a scene: packed commands of meshcat, and HTML of all labels and the panel."""
-
-    commands: list[bytes]
-    labels: str
-    panel: str
+LONGEST_SHARE, ELLIPSOID_SHARE = 1.6, 0.35
+"""Longest flight that the camera shows, over the first one; largest radius of the first impulse
+ellipsoid over the size of leg and ball."""
 
 
 class StillKick:
     """A kick at the instant of the impact, and the moves that make another kick of the same leg.
 
-    A page is drawn anew for each kick, with its animation. A class or a tuning needs the next kick
-    within a few milliseconds: leg, ball, arrows, flight and ground move, and the rest of the scene
-    stays in the browser.
-
-    `page` has the first kick of the leg, `arrow_nodes` are nodes of the arrows that are drawn now.
+    A page takes too long to draw for each kick of a class or a tuning; leg, ball, arrows,
+    flight and ground move within milliseconds. `page` has the first kick, `arrow_nodes` are the
+    arrows drawn.
     """
 
     def __init__(self, impact: Impact, path: BallPath | None = None, caption: str = "") -> None:
@@ -98,21 +86,19 @@ class StillKick:
         self.arrow_nodes: set[str] = set()
         self.page = Page(viewer, leg.name or "leg", self._draw(viewer, impact, path, caption))
 
-    def moves(self, impact: Impact, path: BallPath | None = None, caption: str = "") -> Moves:
-        """Return the changes of the scene for another kick of the same leg."""
+    def moves(self, impact: Impact, path: BallPath | None = None, caption: str = "") -> Page:
+        """Return a page of the changes of the scene for another kick of the same leg."""
         viewer = recording_viewer()
         panel = self._draw(viewer, impact, _flown(impact, path), caption)
-        return Moves(viewer.window.commands, "\n".join(viewer.window.labels), panel)
+        return Page(viewer, self.page.title, panel)
 
     def _ground(self, impact: Impact) -> Array:
-        """Return the point of the ground under the ball: as low as ball and leg come."""
         centre = impact.ball_before.position
         bottom = float(centre[2]) - impact.ball.radius
         depths = find_depths(impact.posture.leg, impact.posture.q, bottom).values()
         return np.array([*centre[:2], bottom - max(depths, default=0.0)])
 
     def _draw(self, viewer: Any, impact: Impact, path: BallPath, caption: str) -> str:
-        """Draw all that moves, and return the panel."""
         for joint, pose in enumerate(joint_poses(impact.posture.leg, impact.posture.q)):
             viewer[f"leg/{joint}"].set_transform(pose)
         viewer["ball"].set_transform(tf.translation_matrix(impact.ball_before.position))
@@ -175,7 +161,7 @@ class View:
         self._page: Page | None = None
         self._version = self._camera_version = 0  # of the scene, and of the one that set the camera
         self._still: StillKick | None = None
-        self._moves: Moves | None = None  # from the scene to the present picture
+        self._moves: Page | None = None  # from the scene to the present picture
         self._moves_version = 0
         self._open = True
         view = self
@@ -258,7 +244,6 @@ class View:
             self._changed.notify_all()
 
     def _messages(self) -> Iterator[str]:
-        """Yield the messages to a browser, from the present scene on until the view is closed."""
         numbers: dict[bytes, int] = {}  # of the commands that the browser has
         version = moves_version = 0
         while self._open:
@@ -271,7 +256,13 @@ class View:
                 if not is_news:
                     moves_version = self._moves_version
             if not is_news or shown is None:
-                yield ": still here\n\n" if moves is None else _moves_message(moves)
+                if moves is None:
+                    yield ": still here\n\n"
+                    continue
+                commands, parts = moves.viewer.window.commands, scene_parts(moves.scenes)
+                packed = [base64.b64encode(command).decode() for command in commands]
+                changed = {"moves": packed, "labels": parts.labels, "caption": parts.panels}
+                yield f"data: {json.dumps(changed)}\n\n"
                 continue
             moves_version = -1 if moves else self._moves_version  # next, what the scene lacks
             first_number = 1 + max(numbers.values(), default=-1)
@@ -295,22 +286,10 @@ class View:
         return f"<View at {self.url}>" if self._open else "<View, closed>"
 
     def _repr_html_(self) -> str:
-        """Return a frame with the view."""
         return (
             f'<iframe src="{self.url}" style="width: 100%; height: {FRAME_HEIGHT}px; border: 0">'
             "</iframe>"
         )
-
-
-def _moves_message(moves: Moves) -> str:
-    """Return the message that moves the parts of a scene in a browser."""
-    labels = f'<div class="labels scene" data-scene="0">\n{moves.labels}\n</div>'
-    update = {
-        "moves": [base64.b64encode(packed).decode() for packed in moves.commands],
-        "labels": labels,
-        "caption": f'<section class="scene" data-scene="0">\n{moves.panel}</section>',
-    }
-    return f"data: {json.dumps(update)}\n\n"
 
 
 _view: View | None = None
@@ -349,10 +328,9 @@ def show(
     global _view
     validation.check_type(bool, type(None), browser=browser)
     validation.check_type(bool, still=still)
-    made_still = None
     if still:
         validation.check_type(Impact, subject=subject)
-        made_still = StillKick(subject, path, caption)
+    made_still = StillKick(subject, path, caption) if still else None
     made_page = made_still.page if made_still else page(subject, path, caption=caption)
     is_new = _view is None or not _view.is_open
     if _view is None or is_new:

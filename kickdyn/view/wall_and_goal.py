@@ -96,12 +96,7 @@ def goal_boxes(foot: Array, distance: float, heading: float = 0.0) -> list[Box]:
 
 
 def plane_boxes(plane: Plane, end: Array, floor: float) -> list[Box]:
-    """Return the boxes that draw a scene's plane: a goal if it is a goal line, else a wall.
-
-    A goal line is upright and reached by the ball's centre or back; the goal stands at the plane's
-    point. A wall is drawn around the end of the ball's path, shape `(3,)` [m]. The ground is at the
-    height `floor` [m].
-    """
+    """Return the boxes of a scene's plane: a goal, or a wall around the end of the path [m]."""
     normal = plane.normal
     heading = math.atan2(normal[1], normal[0])
     if plane.is_goal_line:

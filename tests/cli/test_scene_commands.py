@@ -16,9 +16,8 @@ from kickdyn.cli import function_costs
 from kickdyn.cli.scene_commands import effect_figure
 from kickdyn.core.files import plain
 from kickdyn.core.representation import distance_in_words, format_value
-from kickdyn.scene.effects import EffectSize
 from kickdyn.scene.launch_and_end import strike_scene
-from kickdyn.scene.simulate import simulate_as_instant
+from kickdyn.scene.simulate import EffectSize, simulate_as_instant
 
 SCENES = ["free_kick", "volley", "wet_grass_pass"]
 

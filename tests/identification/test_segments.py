@@ -7,8 +7,7 @@ from tolerances import agrees, closed_form, sampled
 
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
-from kickdyn.identification.segments import _median, _noise
-from kickdyn.identification.segments_result import Measured, SegmentKind, Segments
+from kickdyn.identification.segments import Measured, SegmentKind, Segments, _median, _noise
 
 BALL = kd.Ball()
 GROUND = kd.Ground(surface=kd.Surface("test", 0.6, 0.5, 0.8))

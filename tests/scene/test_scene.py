@@ -8,8 +8,8 @@ import pytest
 from tolerances import closed_form, optimized
 
 import kickdyn as kd
-from kickdyn.scene.effects import EFFECTS, effects_of
 from kickdyn.scene.scene import FRAME, MOUTH, Passage, passage_on, read_wall, score_at
+from kickdyn.scene.simulate import scenes_without
 
 LEG = kd.Leg.human()
 POSTURE = LEG.posture([0.1, 0.2, 0.0])
@@ -117,7 +117,8 @@ def test_a_wall_is_read_with_its_default_width_of_five_players():
 
 
 GEARED = kd.Leg.human().with_armature({"hip": 0.1})
-BY_NAME = {effect.name: effect for effect in EFFECTS}
+OF_AIR = {"drag", "drag crisis", "lift", "spin decay", "wind", "buoyancy"}
+OF_CONTACT = {"contact time", "friction", "ball rotation", "armature", "supports"}
 LAUNCH = kd.BallState((0, 0, 2), (10, 2, 0), (0, -20, 0))
 
 
@@ -128,15 +129,15 @@ def all_effects(**parts):
     return kd.Scene(posture, posture.joint_velocity([9, 0, 4]), kd.Ball(), contact, **options)
 
 
-@pytest.mark.parametrize("name", sorted(BY_NAME))
+@pytest.mark.parametrize("name", sorted(OF_AIR | OF_CONTACT))
 def test_an_effect_alone_is_left_out(name):
     full = all_effects(law=kd.Compliance(contact_time=0.01))
     if name == "supports":
         leg = kd.Leg.from_robot("bolt", base="floating").with_supports("FL_FOOT")
         full = full.replace(posture=leg.posture(leg.configuration()), v=np.zeros(leg.nv))
-    assert BY_NAME[name].is_in(full)
-    less = BY_NAME[name].without(full, LAUNCH)
-    lost = {effect.name for effect in effects_of(full)} - {e.name for e in effects_of(less)}
+    less = scenes_without(full, LAUNCH)[name]
+    assert (less.air is full.air) == (name in OF_CONTACT)
+    lost = scenes_without(full, LAUNCH).keys() - scenes_without(less, LAUNCH).keys()
     # without drag there is no drag crisis; a constant drag is still a drag
     assert lost == {"drag": {"drag", "drag crisis"}, "drag crisis": set()}.get(name, {name})
     assert less.name == "all"
@@ -146,7 +147,7 @@ def test_an_effect_alone_is_left_out(name):
     ((1, 2, 0), 9.0), (lambda z: (z, 0.0, 0.0), math.hypot(8.0, 2.0))])  # fmt: skip
 def test_constant_drag_is_that_of_the_launch_relative_to_the_air(wind, speed):
     full = all_effects(air=kd.Air(drag="brazuca", wind=wind))
-    drag = BY_NAME["drag crisis"].without(full, LAUNCH).air.drag
+    drag = scenes_without(full, LAUNCH)["drag crisis"].air.drag
     per_speed = 2 * full.ball.radius * full.air.density / full.air.viscosity
     right = full.air.drag(per_speed * speed, full.ball.radius * 20 / speed)
     assert drag(1.0, 0.0) == pytest.approx(right, rel=closed_form())
@@ -160,5 +161,4 @@ def test_constant_drag_is_that_of_the_launch_relative_to_the_air(wind, speed):
     (kd.Air(lift=None, torque=None, buoyancy=False), {"drag", "drag crisis"}),
 ], ids=["vacuum", "no density", "no force", "lift", "drag"])  # fmt: skip
 def test_wind_and_spin_decay_act_through_drag_and_lift_only(air, names):
-    of_air = {effect.name for effect in EFFECTS if effect.in_flight}
-    assert {effect.name for effect in effects_of(all_effects(air=air))} & of_air == names
+    assert scenes_without(all_effects(air=air), LAUNCH).keys() & OF_AIR == names

@@ -133,7 +133,7 @@ def test_errors_of_contact_and_path_add_up(tolerance):
     scene = kick(law=kd.Compliance(contact_time=0.01))
     answer = kd.simulate(scene, tolerance)
     assert "contact time" in answer.modelled
-    launch_error = collision_error(scene, answer.launch, answer.impact.tol)
+    launch_error = collision_error(scene.ball, answer.launch, answer.impact.tol)
     right = path_error(scene, answer.path) + end_error(scene, answer.path, launch_error)
     assert answer.numerical_error == pytest.approx(right, rel=closed_form())
     assert answer.error == answer.model_error + answer.numerical_error <= tolerance

@@ -84,9 +84,9 @@ def test_a_still_view_sends_what_moves(kick, make_kick):
     view.update(other, other_path, caption="slower")
     update, still = browser.next_message(), StillKick(impact, path)
     right = still.moves(other, other_path, "slower")
-    assert [base64.b64decode(text) for text in update["moves"]] == right.commands
+    assert [base64.b64decode(text) for text in update["moves"]] == right.viewer.window.commands
     assert right.panel in update["caption"]
-    assert right.labels in update["labels"]
+    assert "\n".join(right.viewer.window.labels) in update["labels"]
     view.close()
     assert not view.is_open
 
@@ -124,7 +124,7 @@ def kick(knee=20.0, speed=10.0, normal=(2, 0, 1)):
 def test_the_moves_place_all_that_another_kick_moves():
     other = kick(knee=50.0, speed=6.0, normal=(1, 0, 2))  # the ball is above the sole
     moves = StillKick(kick()).moves(other, caption="slower")
-    scene = DrawnScene(moves.commands)
+    scene = DrawnScene(moves)
     check_joints(scene, "leg", LEG, other.posture.q)
     agrees(scene.point("ball"), other.ball_before.position, SINGLE)
     floor, bottom = scene.point("ground")[2], other.ball_before.position[2] - other.ball.radius
@@ -134,8 +134,8 @@ def test_the_moves_place_all_that_another_kick_moves():
     path = kd.fly(other.ball_after, other.ball, kd.Air())
     agrees(scene.point("end"), path.landing.position, SINGLE)
     agrees(scene.curve("curve")[-1], path.landing.position, 10 * SINGLE)
-    assert f">{path.range:.3g} m<" in moves.labels
-    assert f">{np.linalg.norm(other.impulse):.3g} N s<" in moves.labels
+    assert f">{path.range:.3g} m<" in scene.labels
+    assert f">{np.linalg.norm(other.impulse):.3g} N s<" in scene.labels
     assert "slower" in moves.panel
 
 
@@ -144,7 +144,7 @@ def test_the_camera_sees_flights_of_half_as_much_again():
     ranges = [kd.fly(hit.ball_after, hit.ball, kd.Air()).range for hit in (first, other)]
     assert 1.4 < ranges[1] / ranges[0] < 1.55
     still = StillKick(first)
-    shown, moved = DrawnScene(still.page), DrawnScene(still.moves(other).commands)
+    shown, moved = DrawnScene(still.page), DrawnScene(still.moves(other))
     in_the_picture(shown.slopes(moved.curve("curve")))
 
 
@@ -152,7 +152,7 @@ def test_arrows_and_ellipsoid_keep_their_scale():
     """The ellipsoid is as long in a direction as the root of the effective mass."""
     impact, other, scales = kick(), kick(knee=60.0, speed=5.0), []
     still = StillKick(impact)
-    for hit, source in ((impact, still.page), (other, still.moves(other).commands)):
+    for hit, source in ((impact, still.page), (other, still.moves(other))):
         scene = DrawnScene(source)
         start, vector = scene.arrow("arrow")
         agrees(start, hit.posture.contact_point, SINGLE)

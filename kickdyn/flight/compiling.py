@@ -33,8 +33,8 @@ from kickdyn.ball import Ball
 from kickdyn.core.compilation import WITHIN, cache_folder, compiled, is_on_disk, uncollected
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import NUMBERS, EventFunction
+from kickdyn.flight.follow import rolling_acceleration, rolling_share
 from kickdyn.flight.forces import Acceleration, Reynolds, acceleration_function, reynolds_number
-from kickdyn.flight.ground_motion import rolling_acceleration, rolling_share
 
 LANES = 24
 """How many flights are computed side by side."""

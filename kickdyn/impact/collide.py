@@ -17,7 +17,13 @@ from kickdyn.core.representation import Row, warned
 from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, AfterApproach, Approach, find_approach
-from kickdyn.impact.compliant_contact import CompliantContact, State, Torque
+from kickdyn.impact.compliant_contact import (
+    CompliantContact,
+    IntegratedContact,
+    State,
+    Torque,
+    integrate_contact,
+)
 from kickdyn.impact.contact_phases import PLACE_ROUNDING, light_contact_factor
 from kickdyn.impact.force_model import (
     LINEAR,
@@ -29,7 +35,6 @@ from kickdyn.impact.force_model import (
     chosen_spring,
     spring_time,
 )
-from kickdyn.impact.integrate_contact import IntegratedContact, integrate_contact
 from kickdyn.impact.leg_response import leg_response
 from kickdyn.impact.patch_contact import FootPatch, PatchContact, PatchForce, patch_of
 from kickdyn.restitution import LARGEST_DEFLECTION

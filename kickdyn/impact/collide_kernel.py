@@ -10,7 +10,7 @@ place.
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +35,8 @@ from kickdyn.core.lanes import (
     spread,
 )
 from kickdyn.core.validation import Array
-from kickdyn.impact import contact_motion as motion_module
 from kickdyn.impact import contact_phases, force_model
-from kickdyn.impact.contact_motion import contact_motion, free_sliding
+from kickdyn.impact.compliant_contact import CompliantContact, IntegratedContact
 from kickdyn.impact.contact_phases import (
     AGAIN,
     AT_BEGINNING,
@@ -48,13 +47,14 @@ from kickdyn.impact.contact_phases import (
     TAKEN,
     THROUGH,
     begin_phase,
+    contact_motion,
     event_precision,
     finish_step,
+    free_sliding,
     friction_force,
     limit_step,
     put_forces,
 )
-from kickdyn.impact.integrate_contact import IntegratedContact
 from kickdyn.impact.strike_kernel import TASK
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.leg import Leg
@@ -72,9 +72,6 @@ from kickdyn.robot.tree_kernel import (
     put,
     vector,
 )
-
-if TYPE_CHECKING:
-    from kickdyn.impact.compliant_contact import CompliantContact
 
 GIVEN_ROWS = sum(math.prod(LANE[name].shape) for name in GIVEN) // BATCH
 """Rows of the table of contacts that are fields of a lane; then follow the angles of the joints (or
@@ -447,7 +444,7 @@ def _collide(tree, task, torque, given, answer, steps, work, rtol):
             busy -= 1
 
 
-named(_collide, "collide", lanes_module, simd, dop853, tree_kernel, contact_phases, motion_module,
+named(_collide, "collide", lanes_module, simd, dop853, tree_kernel, contact_phases,
       force_model)  # fmt: skip
 
 
@@ -519,7 +516,7 @@ class ContactKernel:
             aligned_zeros((1,), STATE),
         )  # fmt: skip
 
-    def motion(self, code: Any, equations: "CompliantContact") -> IntegratedContact | None:
+    def motion(self, code: Any, equations: CompliantContact) -> IntegratedContact | None:
         """Return the motion of one contact with its steps; None if digits are lost."""
         lane, nv = equations.lane_of(None), self.leg.nv
         if lane.speed[0] < LEAST_SPEED or lane.expected[0] < LEAST_TIME:

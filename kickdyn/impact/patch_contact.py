@@ -23,8 +23,7 @@ from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.compliant_contact import CompliantContact, Kinematics, Torque
-from kickdyn.impact.contact_motion import contact_axes
-from kickdyn.impact.contact_phases import RESTING, SLIPS
+from kickdyn.impact.contact_phases import RESTING, SLIPS, contact_axes
 from kickdyn.impact.force_model import GAS_EXPONENT, InflatedForce, compression_work, gauge_pressure
 from kickdyn.robot.foot_surfaces import foot_surfaces
 

@@ -30,8 +30,8 @@ from kickdyn.core.lanes import (
     square_root,
 )
 from kickdyn.core.validation import Array
-from kickdyn.impact import contact_motion, newton_law, strike_kernel
-from kickdyn.impact.contact_motion import contact_axes, slip_direction
+from kickdyn.impact import contact_phases, newton_law, strike_kernel
+from kickdyn.impact.contact_phases import contact_axes, slip_direction
 from kickdyn.impact.strike_kernel import slip_batch, slip_of_lane, solve_newton_batch, with_ball
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.leg import Leg
@@ -425,7 +425,7 @@ def write_joint_impulses(task, state, answer, c):  # type: ignore[no-untyped-def
     answer[MOMENTUM, c] = state.momentum_error / (square_root(state.jacobian_square) * size)
 
 
-named(_sweep, "sweep", lanes, tree_kernel, contact_motion, newton_law, strike_kernel, sweep_kick)
+named(_sweep, "sweep", lanes, tree_kernel, contact_phases, newton_law, strike_kernel, sweep_kick)
 
 
 def _source() -> Source:

@@ -225,11 +225,8 @@ def rolling_of(state: BallState, ball: Ball, air: Air | None, surface: Surface) 
 def time_to_rest(velocity: Array, wind: Array, resistance: float) -> Array:
     """Return the time until slow balls rest [s], all forces on which are constant.
 
-    Args:
-        velocity: shape `(2,)` or `(n, 2)` [m/s].
-        wind: acceleration of a ball at rest by the wind, shape `(2,)` [m/s2]. Where it exceeds the
-            resistance [m/s2], the ball does not come to rest, and the time is infinite.
-        resistance: deceleration by the surface [m/s2].
+    Velocities have shape `(2,)` or `(n, 2)` [m/s]. Where the acceleration of a ball at rest by the
+    wind, `(2,)`, exceeds the resistance of the surface [m/s2], the time is infinite.
     """
     speed = validation.length(velocity)
     if math.hypot(*wind) > resistance:

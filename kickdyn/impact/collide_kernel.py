@@ -99,28 +99,16 @@ _spring = inlined(force_model.hysteretic_spring)
 
 
 class Work(NamedTuple):
-    """Memory to work in.
+    """Memory to work in."""
 
-    Attributes:
-        lane: a `LANE`.
-        table: the same memory as rows of numbers.
-        joints: angles at first contact and speeds that scale them, `(2 nv, BATCH)`.
-        columns: column at the beginning and at the end of the step, `(2, dim, BATCH)`.
-        rates: of a column at each stage of the step, and at its end, `(13, dim, BATCH)`.
-        sums: axes in the world frame (9), scale of a column, the first column, and two estimates
-            of the error.
-        rows: which contact a lane has, -1 for none; -1 at first.
-        bodies, motion, inertia, state: records of `kickdyn.robot.tree_kernel`.
-    """
-
-    lane: NDArray[Any]
-    table: Array
-    joints: Array
-    columns: Array
-    rates: Array
-    sums: Array
-    rows: NDArray[np.int64]
-    bodies: NDArray[Any]
+    lane: NDArray[Any]  # a `LANE`
+    table: Array  # the same memory as rows of numbers
+    joints: Array  # angles at first contact and speeds that scale them, `(2 nv, BATCH)`
+    columns: Array  # column at the beginning and at the end of the step, `(2, dim, BATCH)`
+    rates: Array  # of a column at each stage of the step, and at its end, `(13, dim, BATCH)`
+    sums: Array  # axes in the world frame (9), scale of a column, first column, two error estimates
+    rows: NDArray[np.int64]  # which contact a lane has, -1 for none; -1 at first
+    bodies: NDArray[Any]  # this and what follows: records of `kickdyn.robot.tree_kernel`
     motion: NDArray[Any]
     inertia: Array
     state: NDArray[Any]
@@ -488,14 +476,10 @@ class ContactKernel:
         return None if geometry is None else cls(leg, geometry, torque)
 
     def run(self, code: Any, lanes: Any, table: Iterable[Array], tol: float, steps: Array) -> Array:
-        """Return the answers of contacts, shape `(RESULT + dim, n)`.
+        """Return the answers of n contacts in lanes, shape `(RESULT + dim, n)`.
 
-        Args:
-            code: the machine code.
-            lanes: fields of `LANE`, arrays of n.
-            table: angles of the joints, speeds that scale them, and first columns, as rows.
-            tol: tolerance of the integrator.
-            steps: array for the steps of the first contact, or none.
+        The table has angles of the joints, speeds that scale them, and first columns, as rows;
+        `steps` is filled in with the steps of the first contact, or has no rows.
         """
         n = lanes.height.shape[-1]
         rows = [np.atleast_2d(getattr(lanes, name)) for name in GIVEN]  # n may be 0

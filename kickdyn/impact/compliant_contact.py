@@ -100,9 +100,8 @@ class CompliantContact:
 
     def with_tolerance(self, tol: float) -> Self:
         """Return the same equations for another tolerance."""
-        make, arguments = self.__reduce__()
-        equations: Self = make(*arguments[:-1], tol)
-        return equations
+        make: Any = type(self)
+        return make(*self._arguments(), tol)  # type: ignore[no-any-return]
 
     @property
     def has_machine_code(self) -> bool:
@@ -240,12 +239,8 @@ class CompliantContact:
     ) -> Array:  # fmt: skip
         """Return the derivative of a column.
 
-        Args:
-            state: the column.
-            acceleration: of the joints.
-            forces: force and torque on the ball, shape `(2, 3)` [N, N m].
-            lost: power lost [W].
-            pushed: torques of the joints, and of constraints, if there are any.
+        `forces` are force and torque on the ball, shape `(2, 3)` [N, N m]; `lost` is a power [W];
+        `pushed` has the torques of the joints, and of constraints, if there are any.
         """
         ball, nv, (torque, constrained) = self.ball, self.leg.nv, pushed
         power = float(torque.dot(state.v))
@@ -408,22 +403,15 @@ def _with_drives(approach: Approach, torque: Array | Torque) -> Array | Torque:
 
 @dataclass(frozen=True, eq=False)
 class IntegratedContact:
-    """Leg and ball from first contact to separation, as they were integrated.
-
-    Attributes:
-        equations: the equations of motion.
-        times: of the integrator's steps and of separation, shape `(n + 1,)` [s].
-        columns: columns of the integrator at these times, shape `(n + 1, dim)`.
-        phases: of each step, largest deflection so far [m], kind of friction, and direction of the
-            sliding as the phase began, shape `(n, 4)`.
-        evaluations: number of evaluations of the equations that the integration took.
-    """
+    """Leg and ball from first contact to separation, as they were integrated."""
 
     equations: CompliantContact
-    times: Array
-    columns: Array
+    times: Array  # of the integrator's steps and of separation, shape `(n + 1,)` [s]
+    columns: Array  # of the integrator at these times, shape `(n + 1, dim)`
+    # of each step, largest deflection so far [m], kind of friction, and direction of the sliding as
+    # the phase began, shape `(n, 4)`
     phases: Array
-    evaluations: int
+    evaluations: int  # of the equations that the integration took
 
     @property
     def last(self) -> Array:

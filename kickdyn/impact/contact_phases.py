@@ -49,15 +49,8 @@ def contact_motion(
 
     .. math:: p = a + \rho - h n, \qquad w = v_b - h\, \omega_b \times n - v_J - \omega \times p,
 
-    with the height :math:`h = \rho_3` of the centre over the plane.
-
-    Args:
-        reach: :math:`\rho`, from the contact point of the foot to the ball's centre [m].
-        arm: a, from the joint's origin to the contact point of the foot [m].
-        ball: :math:`v_b` [m/s].
-        ball_spin: :math:`\omega_b` [rad/s].
-        foot: :math:`v_J` [m/s].
-        spin: :math:`\omega` [rad/s].
+    with :math:`\rho`, from the contact point of the foot to the ball's centre, whose height over
+    the plane is :math:`h = \rho_3`, and the arm a from the joint's origin to the contact point [m].
     """
     x, y, z = reach[0] + arm[0], reach[1] + arm[1], arm[2]
     relative = (
@@ -81,17 +74,9 @@ def free_sliding(
         - a - \omega \times v_J - \alpha \times p - \omega \times \dot p, \qquad
         \dot p = v_b - \dot h n - h\, \omega \times n - v_J, \qquad \dot h = w_3 .
 
-    Args:
-        height: h [m].
-        point: p [m].
-        relative: w [m/s].
-        ball: :math:`v_b` [m/s].
-        ball_spin: :math:`\omega_b` [rad/s].
-        spin: :math:`\omega` [rad/s].
-        bias: linear part a of the foot's spatial acceleration at the joint's origin with joints
-            that do not accelerate [m/s2].
-        turn_bias: its angular part :math:`\alpha` [rad/s2].
-        gravity: g [m/s2].
+    Point p and `relative` velocity w are as of `contact_motion`. The foot's spatial acceleration at
+    the joint's origin, with joints that do not accelerate, has the linear part a, the `bias`
+    [m/s2], and the angular part :math:`\alpha`, the `turn_bias` [rad/s2].
     """
     x, y, z = point
     a, b, c = spin
@@ -149,13 +134,10 @@ def slip_end(along: tuple[float, float], w1: float, w2: float, resting: float) -
 
 @inlined
 def slides(speed: float, resting: float, turned: bool, left: float) -> bool:
-    """Return whether points slide at the beginning of a phase.
+    """Return whether points slide at the beginning of a phase; up to `resting` they are at rest.
 
-    Args:
-        speed: of the sliding [m/s].
-        resting: speed up to which points are at rest [m/s].
-        turned: whether the phase before ended because the sliding turned or stopped.
-        left: largest friction, less the one that stops the points [N].
+    `turned` says whether the phase before ended because the sliding turned or stopped; `left` is
+    the largest friction, less the one that stops the points [N].
     """
     return speed > (TURNING_RATIO if turned and left > 0.0 else 2.0) * resting
 
@@ -166,12 +148,8 @@ def sticking_force(
 ) -> tuple[float, float]:
     r"""Return the friction s with which :math:`G s + b = -\alpha w`, so that sliding w decays.
 
-    Args:
-        mobility: :math:`G_{11}, G_{12}, G_{22}` of leg and ball along the tangents [1/kg].
-        free: b, acceleration of the sliding without friction [m/s2].
-        rate: :math:`\alpha` [1/s].
-        w1: sliding along the first tangent [m/s].
-        w2: sliding along the second one [m/s].
+    G has the entries 11, 12 and 22 of the `mobility` along the tangents [1/kg]; b is the `free`
+    acceleration, without friction [m/s2].
     """
     g11, g12, g22 = mobility
     r1, r2 = free[0] + rate * w1, free[1] + rate * w2
@@ -315,16 +293,11 @@ def set_lanes(
     lane: Any, speed: Any, mass: Any, sliding: Any, spring: tuple[Any, float, Any, Any],
     spin: Any, tol: float,
 ) -> None:  # fmt: skip
-    """Fill in the constants of contacts that follow from the motion at first contact.
+    """Fill in the constants of n lanes that follow from the motion at first contact.
 
-    Args:
-        lane: fields of `LANE`, arrays of n; with radius and friction.
-        speed: of the approach [m/s].
-        mass: reduced, of leg and ball along the normal [kg].
-        sliding: along both tangents, shape `(2, n)` [m/s].
-        spring: stiffness [N/m^n], exponent, restitution and expected contact time [s].
-        spin: largest component of the spin of the ball [rad/s].
-        tol: tolerance of the integrator.
+    They are speed of approach [m/s], reduced mass along the normal [kg], sliding along both
+    tangents `(2, n)` [m/s], largest component of the ball's spin [rad/s]; and of the spring,
+    stiffness [N/m^n], exponent, restitution and expected contact time [s].
     """
     stiffness, exponent, restitution, time = spring
     lane.stiffness[:], lane.exponent[:], lane.share[:] = stiffness, exponent, restitution**2
@@ -345,14 +318,8 @@ def light_contact_factor(lane: Any, impulse: Any, mass: Any, deflection: Any, to
     """Return `tolerance_factor` of contacts with a small impulse, whose foot recedes from the ball.
 
     Their first integration has an error relative to the impulse that stops the approach. A second
-    one has it relative to their own impulse, unless rounding of the deflection is larger.
-
-    Args:
-        lane: fields of `LANE`, arrays of n.
-        impulse: its size [N s].
-        mass: reduced, of leg and ball along the normal [kg].
-        deflection: the largest [m].
-        tol: tolerance of the integrator.
+    one has it relative to their own impulse [N s], unless rounding of the largest deflection [m] is
+    larger. The mass is the reduced one [kg].
     """
     share = impulse / (mass * lane.speed)
     least = share * np.maximum(1.0, PLACE_ROUNDING / (tol * deflection))
@@ -361,14 +328,9 @@ def light_contact_factor(lane: Any, impulse: Any, mass: Any, deflection: Any, to
 
 @inlined
 def friction_force(lane, i, size, mobility, free):
-    """Return Coulomb's friction on the ball under a normal force [N]; fill in what ends its kind.
+    """Return the friction on ball i under a normal force of a size [N]; fill in what ends its kind.
 
-    Args:
-        lane: fields of `LANE`.
-        i: number of the contact.
-        size: normal force [N].
-        mobility: as for `sticking_force`.
-        free: acceleration of the sliding without friction [m/s2].
+    `mobility` and `free` are those of `sticking_force`.
     """
     most, kind = lane.friction[i] * size, lane.kind[i]
     w1, w2 = lane.sliding[0, i], lane.sliding[1, i]
@@ -401,15 +363,10 @@ def friction_force(lane, i, size, mobility, free):
 
 @inlined
 def put_forces(lane, i, force, loss, deflection, separation):
-    """Fill in force, power lost and deflection, and the ends of a phase that these make.
+    """Fill in force on the ball [N], power lost and deflection, and the ends of a phase they make.
 
-    Args:
-        lane: fields of `LANE`.
-        i: number of the contact.
-        force: on the ball [N].
-        loss: power that the normal force loses [W].
-        deflection: of ball and foot [m].
-        separation: deflection at which the force vanishes [m].
+    `loss` is the power that the normal force loses [W], and `separation` the deflection at which
+    the force vanishes [m].
     """
     lane.force[0, i], lane.force[1, i], lane.force[2, i] = force
     lane.lost[i] = loss - force[0] * lane.sliding[0, i] - force[1] * lane.sliding[1, i]

@@ -91,25 +91,18 @@ TASK = np.dtype(
 
 @dataclass(frozen=True, eq=False)
 class KernelModel:
-    """A fixed-base tree of hinges and slides that kicks; joints count from 1, 0 is the base.
-
-    Attributes:
-        kick: the kick.
-        planar: whether all motion is in one plane, which contains the normal.
-        axes: first tangent, second tangent and normal of the contact as columns [world frame]; of
-            planar motion, the second tangent is the normal of the plane.
-        tree: constants of each joint, dtype `JOINT`, shape `(n + 1,)`.
-        senses: -1 for each joint whose axis is reversed in its frame, because its largest
-            component is negative, else 1: parallel joints have aligned frames.
-        task: the kick, dtype `TASK`, shape `(1,)`.
-    """
+    """A fixed-base tree of hinges and slides that kicks; joints count from 1, 0 is the base."""
 
     kick: Kick
-    planar: bool
+    planar: bool  # whether all motion is in one plane, which contains the normal
+    # first tangent, second tangent and normal of the contact as columns [world frame]; of planar
+    # motion, the second tangent is the normal of the plane
     axes: Array
-    tree: NDArray[Any]
+    tree: NDArray[Any]  # constants of each joint, dtype `JOINT`, shape `(n + 1,)`
+    # -1 for each joint whose axis is reversed in its frame, because its largest component is
+    # negative, else 1: parallel joints have aligned frames
     senses: Array
-    task: NDArray[Any]
+    task: NDArray[Any]  # the kick, dtype `TASK`, shape `(1,)`
 
     @classmethod
     def of(cls, leg: Leg, kick: Kick) -> "KernelModel | None":

@@ -61,10 +61,9 @@ class Contact(ValueEquality, ReprMixin):
             unit = validation.read_only(validation.direction("contact normal", normal))
         if offset is not None:
             offset = validation.read_only(validation.vector("contact offset", offset, 3, unit="m"))
-        object.__setattr__(self, "normal", unit)
-        object.__setattr__(self, "restitution", checked_restitution(restitution))
-        object.__setattr__(self, "friction", validation.number("friction", friction, at_least=0))
-        object.__setattr__(self, "offset", offset)
+        e = checked_restitution(restitution)
+        friction = validation.number("friction", friction, at_least=0)
+        self.__dict__.update(normal=unit, restitution=e, friction=friction, offset=offset)
 
     def check_normal(self) -> None:
         """Raise `InvalidInput` where the contact has no normal."""

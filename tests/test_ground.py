@@ -5,7 +5,7 @@ import math
 import pytest
 
 import kickdyn as kd
-from kickdyn.flight.ground_motion import bounce
+from kickdyn.flight.follow import bounce
 from kickdyn.ground import SURFACES, Surface
 
 RAMP = math.sqrt(2 * 9.81 * 1.0 * 3 / 5)

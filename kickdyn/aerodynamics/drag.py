@@ -167,10 +167,6 @@ BEYOND_CRISIS = 0.2
 """C_D of a soccer ball beyond its drag crisis (Goff & Carre 2009, Am. J. Phys. 77:1020)."""
 
 
-def _beyond_crisis(reynolds: float, spin_parameter: float = 0.0) -> float:
-    return BEYOND_CRISIS
-
-
 def supercritical(reynolds: float, spin_parameter: float = 0.0) -> float:
     r"""Return 0.2, the C_D of a soccer ball beyond its drag crisis, above Re 7e4 (4.8 m/s).
 
@@ -219,7 +215,7 @@ MODELS = registry(
         reynolds=(REYNOLDS_PER_SPEED * 8.0, REYNOLDS_PER_SPEED * 27.0), spin=(0.0, 0.3),
         source="Goff & Carre 2009 (value), flights of a match (range); Am. J. Phys. 77:1020, "
         "data/match_ball.csv; sphere below Re 2e4",
-        branch_free=(FAST, _beyond_crisis),
+        branch_free=(FAST, constant(BEYOND_CRISIS)),
     ),
     CoefficientModel(
         "drag", "goff-carre", goff_carre, reynolds=(7e4, 5e5), spin=(0.0, 0.4),

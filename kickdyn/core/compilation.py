@@ -12,14 +12,12 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from kickdyn.core.lanes import JITABLE
 
 log = logging.getLogger(__name__)
 """Says at level INFO what is compiled."""
-
-T = TypeVar("T")
 
 
 @contextmanager
@@ -123,20 +121,6 @@ def _is_shared(status: os.stat_result) -> bool:
     return not alone or bool(status.st_mode & stat.S_IWOTH)
 
 
-def from_cache(function: Callable[..., Any], jit: Callable[[], T]) -> T:
-    """Return `jit()`, which reads a function's machine code from disk; remove damaged files."""
-    import numba
-
-    try:
-        return jit()
-    except numba.TypingError:
-        raise
-    except Exception:  # a truncated pickle ends in errors of many kinds
-        for file in (cache_folder(function) or Path()).glob(f"*.{function.__qualname__}-*.nb?"):
-            file.unlink(missing_ok=True)
-        return jit()
-
-
 def compiled(
     function: Callable[..., Any], signature: Any, what: str, **options: Any
 ) -> Callable[..., Any]:
@@ -155,9 +139,16 @@ def compiled(
     options |= {"nogil": True}
     with uncollected():
         if folder is not None:
+            jit: Any = numba.njit(signature, cache=True, **options)
             with suppress(OSError):  # a full disk
-                jit = numba.njit(signature, cache=True, **options)
-                return from_cache(function, lambda: jit(function))  # type: ignore[no-any-return]
+                try:
+                    return jit(function)  # type: ignore[no-any-return]
+                except numba.TypingError:
+                    raise
+                except Exception:  # a truncated pickle ends in errors of many kinds
+                    for file in folder.glob(f"*.{function.__qualname__}-*.nb?"):
+                        file.unlink(missing_ok=True)
+                    return jit(function)  # type: ignore[no-any-return]
         return numba.njit(signature, **options)(function)  # type: ignore[no-any-return]
 
 

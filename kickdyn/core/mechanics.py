@@ -61,11 +61,8 @@ WEIGHTS = (1.0, -2), (-8.0, -1), (8.0, 1), (-1.0, 2)
 def difference_slopes(function: Callable[[Array], Array], sizes: Array, count: int) -> Array:
     r"""Return derivatives by :math:`(f_{-2} - 8 f_{-1} + 8 f_1 - f_2) / 12 h`, `(n, m, count)`.
 
-    Args:
-        function: of changes of n rows of arguments, shape `(n, count)`; it returns n rows of m
-            values.
-        sizes: step h of each row, shape `(n,)`.
-        count: number of arguments.
+    The function of changes of n rows of arguments, `(n, count)`, returns n rows of m values. Each
+    row has a step h, of `sizes`.
     """
     columns = []
     for k in range(count):

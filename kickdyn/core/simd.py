@@ -133,10 +133,6 @@ def _called(name: str) -> Callable[..., Any]:
     return generate
 
 
-def _compared(sign: str) -> Callable[..., Any]:
-    return lambda builder, a, b: builder.fcmp_ordered(sign, a, b)
-
-
 def _extreme(sign: str) -> Callable[..., Any]:
     """Return the generator of ``min`` or ``max``, which prefer their first argument as numba's."""
     return lambda builder, a, b: builder.select(builder.fcmp_ordered(sign, b, a), b, a)
@@ -156,7 +152,10 @@ for _operator, _sign in (
     (operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">="),
     (operator.eq, "=="),
 ):  # fmt: skip
-    _define(_operator, _mask, _compared(_sign), _NUMBERS, _NUMBERS)
+    _define(
+        _operator, _mask,
+        lambda builder, a, b, sign=_sign: builder.fcmp_ordered(sign, a, b), _NUMBERS, _NUMBERS,
+    )  # fmt: skip
 _define(operator.neg, _batch, ir.IRBuilder.fneg, _NUMBERS)
 for _function in (math.sqrt, square_root):
     _define(_function, _batch, _called("llvm.sqrt"), _NUMBERS)

@@ -213,18 +213,6 @@ def landings(
     return BallState.computed(*vectors, nodes[:, 0]), flown.status
 
 
-def carries(
-    states: BallState, ball: Ball, air: Air | None, tol: float, *, machine_code: bool
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the distances back to the heights of the launches [m], and which balls land there.
-
-    Both have shape `(n,)`; `machine_code` is that of `landings`.
-    """
-    ends = (ground_event(ball, None).launched(states),)
-    flown = _flown(_Task(states, ball, air, ends, TIME_LIMIT, machine_code, False), tol)
-    return np.hypot(flown.nodes[:, 1], flown.nodes[:, 2]), flown.status == LANDED
-
-
 def seconds_of_fly(tol: float) -> float:
     """Return the processor time of one of many flights in Python, roughly [s]."""
     return float(0.8e-3 * (1e-9 / tol) ** 0.125)
@@ -320,7 +308,10 @@ class Flown(NamedTuple):
 def _flown(task: _Task, tol: float, longest: Array | None = None) -> Flown:
     """Return all flights, by closed form or by integration in steps of at most `longest` [s]."""
     states = task.states
-    closed = _have_closed_form(states, task.ball, task.air)
+    closed = np.where(  # flights with spin, those without, or both
+        _spins(states), is_ballistic(task.air, np.ones(3)), is_ballistic(task.air, np.zeros(3))
+    )
+    closed &= downward(task.ball, task.air) > 0.0
     closed &= all(end.function is distance_to_plane for end in task.ends)
     too_fast = ~closed & (validation.length(states.velocity) > MAX_SPEED)  # what `fly` refuses
     integrated = np.flatnonzero(~closed & ~too_fast)
@@ -374,14 +365,6 @@ def _spins(states: BallState) -> NDArray[np.bool_]:
     """Return which balls spin; numpy's `any` is slow along a short axis."""
     x, y, z = (states.spin[:, axis] for axis in range(3))
     return np.asarray((x != 0.0) | (y != 0.0) | (z != 0.0))
-
-
-def _have_closed_form(states: BallState, ball: Ball, air: Air | None) -> NDArray[np.bool_]:
-    """Return which flights a closed form answers, those with spin or those without, or both."""
-    spins = _spins(states)
-    if downward(ball, air) <= 0.0:
-        return np.zeros_like(spins)
-    return np.where(spins, is_ballistic(air, np.ones(3)), is_ballistic(air, np.zeros(3)))
 
 
 def _closed_forms(task: _Task, rows: NDArray[np.bool_]) -> Flown:

@@ -33,8 +33,8 @@ from kickdyn.ball import Ball
 from kickdyn.core.compilation import WITHIN, cache_folder, compiled, is_on_disk, uncollected
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import NUMBERS, EventFunction
+from kickdyn.flight.follow import rolling_acceleration, rolling_share
 from kickdyn.flight.forces import Acceleration, Reynolds, acceleration_function, reynolds_number
-from kickdyn.flight.ground_motion import rolling_acceleration, rolling_share
 
 LANES = 24
 """How many flights are computed side by side."""
@@ -332,7 +332,10 @@ def _from_disk(function: Callable[..., Any], callees: Callees, what: str, key: s
     if key is not None:
         dispatcher = compiled(twin, SIGNATURE, what, **OPTIONS)
         if folder := cache_folder(twin):
-            _forget(folder)
+            with suppress(FileNotFoundError):  # another process was faster
+                files = sorted(folder.glob("*.equations_*"), key=lambda file: file.stat().st_mtime)
+                for file in files[:-_ON_DISK]:
+                    file.unlink()
     return dispatcher
 
 
@@ -348,13 +351,6 @@ def _sources() -> bytes:
 def _call(scene: Any, state: Any, rate: Any) -> None:
     """Call the global `function` of whatever module this code is put into."""
     function(scene, state, rate)  # noqa: F821
-
-
-def _forget(folder: Path) -> None:
-    with suppress(FileNotFoundError):  # another process was faster
-        files = sorted(folder.glob("*.equations_*"), key=lambda file: file.stat().st_mtime)
-        for file in files[:-_ON_DISK]:
-            file.unlink()
 
 
 def _compile(function: Callable[..., Any], signature: Any, name: str) -> Any:

@@ -61,19 +61,13 @@ Flights = list[tuple[BallState, Air]]
 
 @dataclass(frozen=True, eq=False)
 class DifferentiableFlight:
-    """A flight and its derivatives by p parameters, at any time from the launch to the end.
+    """A flight and its derivatives by p parameters, at any time from the launch to the end."""
 
-    Attributes:
-        end: time of the end since the launch [s].
-        all_states: function of a time or of n times that returns the states of the flight and of
-            its p neighbours, then for central differences of the p opposite ones: displacement from
-            the launch [m], velocity [m/s], and the fraction of the spin that is left.
-        increments: by which the parameters of the neighbours differ, shape `(p,)`.
-    """
-
-    end: float
+    end: float  # time of the end since the launch [s]
+    # of the flight and of its p neighbours, then for central differences of the p opposite ones:
+    # displacement from the launch [m], velocity [m/s], and the fraction of the spin that is left
     all_states: StatesFunction
-    increments: Array
+    increments: Array  # by which the parameters of the neighbours differ, shape `(p,)`
 
     def states(self, times: float | Array) -> Array:
         """Return the states at a time, shape `(7,)`, or at n times, shape `(n, 7)`."""

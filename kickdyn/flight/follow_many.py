@@ -31,9 +31,10 @@ from kickdyn.flight.events import (
     plane_events,
 )
 from kickdyn.flight.flight_result import ALOFT, FAILED, FURTHER, LANDED, FlightStatus
-from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
-from kickdyn.flight.ground_motion import (
+from kickdyn.flight.follow import (
+    LEAST_REBOUND,
     LOOSEST_ROLLING,
+    MOST_BOUNCES,
     bounce,
     check_friction,
     rolling_of,
@@ -182,7 +183,7 @@ class _Balls:
             self.status[i] = FIRST_END + [end.name for end in self.ends].index(phase.reached)
 
     def roll_all(self, tol: float, time_limit: float) -> None:
-        """Let balls roll to rest, by the equations of `ground_motion.roll`."""
+        """Let balls roll to rest, by the equations of `follow.roll`."""
         rows = np.flatnonzero(self.status == _DOWN)
         if not rows.size:
             return

@@ -146,21 +146,16 @@ class _Fall(NamedTuple):
 
 
 class Step:
-    """A step of an integration from a state and its rates, and, once it is taken, its end.
+    """A step of an integration from a state `before` and its rates, and, once it is taken, its end.
 
-    Attributes:
-        begin, length: time at the beginning of the step, and its length [s].
-        before, state: states at the beginning and at the end, shape `(m,)`.
-        stages: rates of all stages, the first one those at the beginning; some rows follow.
-        error: estimated error over the tolerated one.
-        end, ahead: states at the end and shortly after it.
+    It begins at a time, and has a length [s].
     """
 
-    state: Array
-    stages: Array
-    error: float
-    end: list[float]
-    ahead: list[float]
+    state: Array  # at the end, shape `(m,)`
+    stages: Array  # rates of all stages, the first one those at the beginning; some rows follow
+    error: float  # estimated, over the tolerated one
+    end: list[float]  # the state at the end
+    ahead: list[float]  # and shortly after it
 
     def __init__(
         self, motion: "Integration", begin: float, before: Array, rates: Array, length: float

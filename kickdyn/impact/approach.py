@@ -36,26 +36,17 @@ _AT_REST: Array = np.frombuffer(bytes(24))
 
 
 class Approach(NamedTuple):
-    """Leg and ball just before the impact.
-
-    Attributes:
-        posture: as in `AfterApproach`, as are all but the following.
-        v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        ball_velocity: velocity of the ball's centre, shape `(3,)` [m/s, world frame].
-        ball_spin: angular velocity of the ball, shape `(3,)` [rad/s, world frame].
-        centre_velocity: velocity of the ball's centre minus `foot_velocity` [m/s, world frame].
-        speed: of the foot towards the ball along the normal, above 0 [m/s].
-    """
+    """Leg and ball just before the impact; what has no unit here is as in `AfterApproach`."""
 
     posture: Posture
-    v: Array
+    v: Array  # joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints]
     ball: Ball
     contact: Contact
-    ball_velocity: Array
-    ball_spin: Array
+    ball_velocity: Array  # of the ball's centre, shape `(3,)` [m/s, world frame]
+    ball_spin: Array  # angular velocity of the ball, shape `(3,)` [rad/s, world frame]
     foot_velocity: Array
-    centre_velocity: Triple
-    speed: float
+    centre_velocity: Triple  # of the ball's centre minus `foot_velocity` [m/s, world frame]
+    speed: float  # of the foot towards the ball along the normal, above 0 [m/s]
     restitution: float
 
     def warnings(self) -> tuple[str, ...]:

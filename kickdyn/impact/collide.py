@@ -17,7 +17,13 @@ from kickdyn.core.representation import Row, warned
 from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, AfterApproach, Approach, find_approach
-from kickdyn.impact.compliant_contact import CompliantContact, State, Torque
+from kickdyn.impact.compliant_contact import (
+    CompliantContact,
+    IntegratedContact,
+    State,
+    Torque,
+    integrate_contact,
+)
 from kickdyn.impact.contact_phases import PLACE_ROUNDING, light_contact_factor
 from kickdyn.impact.force_model import (
     LINEAR,
@@ -29,7 +35,6 @@ from kickdyn.impact.force_model import (
     chosen_spring,
     spring_time,
 )
-from kickdyn.impact.integrate_contact import IntegratedContact, integrate_contact
 from kickdyn.impact.leg_response import leg_response
 from kickdyn.impact.patch_contact import FootPatch, PatchContact, PatchForce, patch_of
 from kickdyn.restitution import LARGEST_DEFLECTION
@@ -416,21 +421,15 @@ def _pressed_by(equations: CompliantContact, force: NormalForce) -> InvalidInput
         speed += " and with these joint torques"
     if isinstance(equations, PatchContact):
         patch = equations.patch
-        return InvalidInput(
-            f"patch width is {patch.width:g} m: {speed} and with an offset of {patch.offset:g} m, "
-            f"the strip would press the ball beyond its radius of {ball.radius:g} m; a wider "
-            "strip, a smaller offset or a slower foot is within the model"
-        )
-    pressed = (
-        "which is too low: the ball would be pressed beyond its radius of "
-        f"{ball.radius:g} m {speed}"
-    )
-    if not isinstance(force, ForceModel) or force.exponent == LINEAR:
-        return InvalidInput(f"ball pressure is {ball.pressure:g} Pa, {pressed}")
-    return InvalidInput(
-        f"stiffness is {force.stiffness:g} N/m^1.5, {pressed}; a shorter contact time makes it "
-        "stiffer"
-    )
+        cause = f"patch width is {patch.width:g} m, with an offset of {patch.offset:g} m"
+        remedy = "a wider strip, a smaller offset or a slower foot is within the model"
+    elif not isinstance(force, ForceModel) or force.exponent == LINEAR:
+        cause, remedy = f"ball pressure is {ball.pressure:g} Pa", "more pressure makes it stiffer"
+    else:
+        cause = f"stiffness is {force.stiffness:g} N/m^1.5"
+        remedy = "a shorter contact time makes it stiffer"
+    pressed = f"the ball would be pressed beyond its radius of {ball.radius:g} m {speed}"
+    return InvalidInput(f"{cause}: {pressed}; {remedy}")
 
 
 def duration(

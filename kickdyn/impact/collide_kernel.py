@@ -10,7 +10,7 @@ place.
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +35,8 @@ from kickdyn.core.lanes import (
     spread,
 )
 from kickdyn.core.validation import Array
-from kickdyn.impact import contact_motion as motion_module
 from kickdyn.impact import contact_phases, force_model
-from kickdyn.impact.contact_motion import contact_motion, free_sliding
+from kickdyn.impact.compliant_contact import CompliantContact, IntegratedContact
 from kickdyn.impact.contact_phases import (
     AGAIN,
     AT_BEGINNING,
@@ -48,13 +47,14 @@ from kickdyn.impact.contact_phases import (
     TAKEN,
     THROUGH,
     begin_phase,
+    contact_motion,
     event_precision,
     finish_step,
+    free_sliding,
     friction_force,
     limit_step,
     put_forces,
 )
-from kickdyn.impact.integrate_contact import IntegratedContact
 from kickdyn.impact.strike_kernel import TASK
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.leg import Leg
@@ -72,9 +72,6 @@ from kickdyn.robot.tree_kernel import (
     put,
     vector,
 )
-
-if TYPE_CHECKING:
-    from kickdyn.impact.compliant_contact import CompliantContact
 
 GIVEN_ROWS = sum(math.prod(LANE[name].shape) for name in GIVEN) // BATCH
 """Rows of the table of contacts that are fields of a lane; then follow the angles of the joints (or
@@ -102,28 +99,16 @@ _spring = inlined(force_model.hysteretic_spring)
 
 
 class Work(NamedTuple):
-    """Memory to work in.
+    """Memory to work in."""
 
-    Attributes:
-        lane: a `LANE`.
-        table: the same memory as rows of numbers.
-        joints: angles at first contact and speeds that scale them, `(2 nv, BATCH)`.
-        columns: column at the beginning and at the end of the step, `(2, dim, BATCH)`.
-        rates: of a column at each stage of the step, and at its end, `(13, dim, BATCH)`.
-        sums: axes in the world frame (9), scale of a column, the first column, and two estimates
-            of the error.
-        rows: which contact a lane has, -1 for none; -1 at first.
-        bodies, motion, inertia, state: records of `kickdyn.robot.tree_kernel`.
-    """
-
-    lane: NDArray[Any]
-    table: Array
-    joints: Array
-    columns: Array
-    rates: Array
-    sums: Array
-    rows: NDArray[np.int64]
-    bodies: NDArray[Any]
+    lane: NDArray[Any]  # a `LANE`
+    table: Array  # the same memory as rows of numbers
+    joints: Array  # angles at first contact and speeds that scale them, `(2 nv, BATCH)`
+    columns: Array  # column at the beginning and at the end of the step, `(2, dim, BATCH)`
+    rates: Array  # of a column at each stage of the step, and at its end, `(13, dim, BATCH)`
+    sums: Array  # axes in the world frame (9), scale of a column, first column, two error estimates
+    rows: NDArray[np.int64]  # which contact a lane has, -1 for none; -1 at first
+    bodies: NDArray[Any]  # this and what follows: records of `kickdyn.robot.tree_kernel`
     motion: NDArray[Any]
     inertia: Array
     state: NDArray[Any]
@@ -447,7 +432,7 @@ def _collide(tree, task, torque, given, answer, steps, work, rtol):
             busy -= 1
 
 
-named(_collide, "collide", lanes_module, simd, dop853, tree_kernel, contact_phases, motion_module,
+named(_collide, "collide", lanes_module, simd, dop853, tree_kernel, contact_phases,
       force_model)  # fmt: skip
 
 
@@ -491,14 +476,10 @@ class ContactKernel:
         return None if geometry is None else cls(leg, geometry, torque)
 
     def run(self, code: Any, lanes: Any, table: Iterable[Array], tol: float, steps: Array) -> Array:
-        """Return the answers of contacts, shape `(RESULT + dim, n)`.
+        """Return the answers of n contacts in lanes, shape `(RESULT + dim, n)`.
 
-        Args:
-            code: the machine code.
-            lanes: fields of `LANE`, arrays of n.
-            table: angles of the joints, speeds that scale them, and first columns, as rows.
-            tol: tolerance of the integrator.
-            steps: array for the steps of the first contact, or none.
+        The table has angles of the joints, speeds that scale them, and first columns, as rows;
+        `steps` is filled in with the steps of the first contact, or has no rows.
         """
         n = lanes.height.shape[-1]
         rows = [np.atleast_2d(getattr(lanes, name)) for name in GIVEN]  # n may be 0
@@ -519,7 +500,7 @@ class ContactKernel:
             aligned_zeros((1,), STATE),
         )  # fmt: skip
 
-    def motion(self, code: Any, equations: "CompliantContact") -> IntegratedContact | None:
+    def motion(self, code: Any, equations: CompliantContact) -> IntegratedContact | None:
         """Return the motion of one contact with its steps; None if digits are lost."""
         lane, nv = equations.lane_of(None), self.leg.nv
         if lane.speed[0] < LEAST_SPEED or lane.expected[0] < LEAST_TIME:

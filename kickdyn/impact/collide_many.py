@@ -202,7 +202,13 @@ def _collide(
     # all is relative to the base, which does not turn
     base = np.zeros(3) if kernel.leg.base_velocity is None else kernel.leg.base_velocity[:3]
     velocity = velocity - base
-    lanes, angles = _given(kernel, n, balls, contacts), (senses * q).T
+    (lanes,), angles = blank_records(LANE, 1, n), (senses * q).T
+    lanes.axes[:] = contact_frames(contacts.normal).reshape(-1, 9).T
+    lanes.arm[:] = kernel.foot_axes.T @ contacts.levers(kernel.leg).T
+    lanes.inverse_mass[:] = [1.0 / ball.mass for ball in balls]
+    lanes.inverse_inertia[:] = [1.0 / ball.inertia for ball in balls]
+    lanes.radius[:] = [ball.radius for ball in balls]
+    lanes.friction[:] = contacts.friction
     still, nothing = np.zeros((n, nv)), np.zeros((n, 3))
     columns = np.hstack([still, senses * v, nothing, velocity, spin, np.zeros((n, 2))]).T
     mobility, inertia, sound = kernel.begin(lanes, angles, columns)
@@ -254,18 +260,6 @@ def _collide(
     remaining: NDArray[np.bool_] = ~parting
     remaining[failed] = remaining[chosen] = False
     return remaining
-
-
-def _given(kernel: "ContactKernel", n: int, balls: list[Ball], contacts: ContactRows) -> Any:
-    """Return lanes with what is given of n contacts, as `ContactKernel.begin` takes them."""
-    (lanes,) = blank_records(LANE, 1, n)
-    lanes.axes[:] = contact_frames(contacts.normal).reshape(-1, 9).T
-    lanes.arm[:] = kernel.foot_axes.T @ contacts.levers(kernel.leg).T
-    lanes.inverse_mass[:] = [1.0 / ball.mass for ball in balls]
-    lanes.inverse_inertia[:] = [1.0 / ball.inertia for ball in balls]
-    lanes.radius[:] = [ball.radius for ball in balls]
-    lanes.friction[:] = contacts.friction
-    return lanes
 
 
 def _spring(

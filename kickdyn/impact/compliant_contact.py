@@ -1,7 +1,9 @@
-"""Equations of motion of leg and ball while they touch, for one contact of any leg and force."""
+"""Leg and ball while they touch, for one contact of any leg and force: equations, integration."""
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, NamedTuple, Self
 
@@ -10,24 +12,21 @@ import pinocchio as pin
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
+from kickdyn.core.dop853 import STAGES, TABLE
 from kickdyn.core.lanes import blank_records
 from kickdyn.core.validation import Array, ArrayLike
+from kickdyn.errors import KickdynError
+from kickdyn.impact import contact_phases as phases
 from kickdyn.impact.approach import Approach
-from kickdyn.impact.contact_motion import (
-    Vector,
-    contact_axes,
-    contact_motion,
-    free_rise,
-    free_sliding,
-)
 from kickdyn.impact.contact_phases import (
-    GIVEN,
+    AGAIN,
+    AT_BEGINNING,
+    FAILED,
     LANE,
     STABILIZATION_RATE,
-    begin_phase,
-    friction_force,
-    put_forces,
-    set_lanes,
+    TAKEN,
+    THROUGH,
+    Vector,
 )
 from kickdyn.impact.force_model import ForceModel, Load, NormalForce
 from kickdyn.robot.constraints import ConstraintProjector
@@ -87,7 +86,7 @@ class CompliantContact:
         self._space = Workspace(self.model)
         self.gravity = np.array(self.model.gravity.linear)
         self.expected, self.tol, self.reduced_mass = expected, tol, approach.reduced_mass()
-        self._set_axes(contact_axes(contact.normal))
+        self._set_axes(phases.contact_axes(contact.normal))
         # where the ball's centre begins
         self._centre = posture.contact_point + self.ball.radius * contact.normal
         self.lane = self._first_lane()
@@ -101,9 +100,8 @@ class CompliantContact:
 
     def with_tolerance(self, tol: float) -> Self:
         """Return the same equations for another tolerance."""
-        make, arguments = self.__reduce__()
-        equations: Self = make(*arguments[:-1], tol)
-        return equations
+        make: Any = type(self)
+        return make(*self._arguments(), tol)  # type: ignore[no-any-return]
 
     @property
     def has_machine_code(self) -> bool:
@@ -124,7 +122,7 @@ class CompliantContact:
         sliding = np.array(self.kinematics(self.state(y)).relative[:2])[:, None]
         spin = float(np.abs(self.approach.ball_before.spin).max())
         speed = self.approach.speed
-        set_lanes(lane, speed, self.reduced_mass, sliding, spring, spin, self.tol)
+        phases.set_lanes(lane, speed, self.reduced_mass, sliding, spring, spin, self.tol)
         self.fast = np.sqrt(2.0 * lane.energy / posture.inertia.diagonal())
         return lane
 
@@ -169,7 +167,7 @@ class CompliantContact:
     def lane_of(self, phase: Array | None) -> SimpleNamespace:
         """Return a new lane in a phase, of `ContactMotion.phases`; in the first one for None."""
         (lane,) = blank_records(LANE, 1, 1)
-        for name in GIVEN:
+        for name in phases.GIVEN:
             getattr(lane, name)[:] = getattr(self.lane, name)
         if phase is not None:
             lane.largest[:], lane.kind[:], lane.along[:, 0] = phase[0], phase[1], phase[2:]
@@ -197,7 +195,7 @@ class CompliantContact:
         foot, spin = space.velocities[joint].vector.reshape(2, 3).dot(fixed).tolist()
         bias, turn_bias = space.accelerations[joint].vector.reshape(2, 3).dot(fixed).tolist()
         motion = ball, ball_spin, foot, spin
-        moved = contact_motion(reach, self._arm, *motion)
+        moved = phases.contact_motion(reach, self._arm, *motion)
         return Kinematics(axes, motion, (bias, turn_bias), reach[2], *moved)
 
     def point(self, state: State) -> Array:
@@ -210,7 +208,7 @@ class CompliantContact:
 
     def begin_phase(self, which: int) -> bool:
         """Begin the phase after an end of one, or return whether foot and ball part."""
-        return bool(begin_phase(self.lane, 0, which))
+        return bool(phases.begin_phase(self.lane, 0, which))
 
     def evaluate(self, t: float, y: Array, lane: Any) -> tuple[Array, Array]:
         """Return the derivative of a column and the force on the ball; fill in the lane."""
@@ -225,7 +223,7 @@ class CompliantContact:
         size, f1, f2 = self._force(contact, lane, load, acting, response)
         separation = self.force_model.separation(largest)
         deflection = self.deflection(contact)
-        put_forces(lane, 0, (f1, f2, size), load.lost, deflection, separation)
+        phases.put_forces(lane, 0, (f1, f2, size), load.lost, deflection, separation)
         acceleration = response.dot((-f1, -f2, -size, 1.0))
         pushed = None
         if self.leg.constraints is not None:
@@ -241,12 +239,8 @@ class CompliantContact:
     ) -> Array:  # fmt: skip
         """Return the derivative of a column.
 
-        Args:
-            state: the column.
-            acceleration: of the joints.
-            forces: force and torque on the ball, shape `(2, 3)` [N, N m].
-            lost: power lost [W].
-            pushed: torques of the joints, and of constraints, if there are any.
+        `forces` are force and torque on the ball, shape `(2, 3)` [N, N m]; `lost` is a power [W];
+        `pushed` has the torques of the joints, and of constraints, if there are any.
         """
         ball, nv, (torque, constrained) = self.ball, self.leg.nv, pushed
         power = float(torque.dot(state.v))
@@ -329,18 +323,18 @@ class CompliantContact:
             acting[:, :3].T.dot(response).tolist()
         )
         turning = 1.0 / self.ball.mass + contact.height**2 / self.ball.inertia
-        mobility, (b1, b2) = (g11 + turning, g12, g22 + turning), free_sliding(*moving)
+        mobility, (b1, b2) = (g11 + turning, g12, g22 + turning), phases.free_sliding(*moving)
 
         def friction(size: float) -> tuple[float, float]:
             free = b1 + g13 * size - a1, b2 + g23 * size - a2
-            f1, f2 = friction_force(lane, 0, size, mobility, free)
+            f1, f2 = phases.friction_force(lane, 0, size, mobility, free)
             return float(f1), float(f2)
 
         size = load.force
         if load.carried == 0.0:
             return size, *friction(size)
         carried = load.carried
-        size = (size + carried * (pushed - free_rise(*moving))) / (1.0 + carried * g33)
+        size = (size + carried * (pushed - phases.free_rise(*moving))) / (1.0 + carried * g33)
         f1, f2 = friction(size)
         share, free, before, missing = carried / (1.0 + carried * g33), size, 0.0, size
         for _ in range(20):
@@ -405,3 +399,158 @@ def _with_drives(approach: Approach, torque: Array | Torque) -> Array | Torque:
         return np.asarray(applied + stiffness * behind - friction * v / np.hypot(v, creep))
 
     return driven
+
+
+@dataclass(frozen=True, eq=False)
+class IntegratedContact:
+    """Leg and ball from first contact to separation, as they were integrated."""
+
+    equations: CompliantContact
+    times: Array  # of the integrator's steps and of separation, shape `(n + 1,)` [s]
+    columns: Array  # of the integrator at these times, shape `(n + 1, dim)`
+    # of each step, largest deflection so far [m], kind of friction, and direction of the sliding as
+    # the phase began, shape `(n, 4)`
+    phases: Array
+    evaluations: int  # of the equations that the integration took
+
+    @property
+    def last(self) -> Array:
+        """Column at separation."""
+        return np.asarray(self.columns[-1])
+
+    @property
+    def sticks(self) -> bool:
+        """Whether the points stick at separation."""
+        return bool(self.phases[-1, 1] == phases.STICKS and self.equations.lane.friction[0] > 0.0)
+
+    def column(self, t: float) -> Array:
+        """Return the column at a time: a step of the integrator from the last one before."""
+        k = self._step_at(t)
+        if t in (self.times[k], self.times[k + 1]):
+            return np.asarray(self.columns[k if t == self.times[k] else k + 1])
+        lane, y, h = self.equations.lane_of(self.phases[k]), self.columns[k], t - self.times[k]
+        rates = np.empty((STAGES, len(y)))
+        return _stages(self.equations, lane, (float(self.times[k]), y, h), rates)
+
+    def sample(self, t: float) -> tuple[Array, Array, float]:
+        """Return force [N] and impulse so far [N s] on the ball, and deflection [m] at a time."""
+        y, lane = self.column(t), self.equations.lane_of(self.phases[self._step_at(t)])
+        with np.errstate(all="ignore"):  # as the contact begins
+            _, force = self.equations.evaluate(t, y, lane)
+        return force, self.equations.impulse(t, y), float(lane.deflection[0])
+
+    def _step_at(self, t: float) -> int:
+        return min(max(bisect_right(self.times, t) - 1, 0), len(self.phases) - 1)
+
+    def peak_force(self) -> float:
+        """Return the largest force [N]: the largest of the steps, refined."""
+        from scipy.optimize import minimize_scalar  # here, because it takes long to import
+
+        def size(t: float) -> float:
+            return math.hypot(*self.sample(float(t))[0])
+
+        values = [size(t) for t in self.times.tolist()]
+        best = int(np.argmax(values))
+        refined = minimize_scalar(
+            lambda t: -size(t),
+            bounds=(self.times[max(best - 1, 0)], self.times[min(best + 1, len(values) - 1)]),
+            method="bounded",
+            options={"xatol": 1e-6 * float(self.times[-1])},
+        )
+        return max(-float(refined.fun), values[best])
+
+
+def _stages(
+    equations: CompliantContact, lane: Any, begin: tuple[float, Array, float], rates: Array,
+    first: int = 0,
+) -> Array:  # fmt: skip
+    """Fill in the rates of a step from stage `first` on; return its last column.
+
+    `begin` has time, column and length of the step.
+    """
+    t, y, h = begin
+    for k in range(first, STAGES):
+        new = y + h * TABLE[k, :k].dot(rates[:k])
+        rates[k] = equations.evaluate(t + TABLE[k].sum() * h, new, lane)[0]
+    return np.asarray(y + h * TABLE[STAGES].dot(rates[:STAGES]))
+
+
+def integrate_contact(equations: CompliantContact) -> IntegratedContact:
+    """Return the motion from first contact to separation, or raise `KickdynError`.
+
+    It ends, too, where the foot reaches the centre of the ball.
+    """
+    with np.errstate(all="ignore"):  # what is not finite is reported
+        return _integrate(equations)
+
+
+def _integrate(equations: CompliantContact) -> IntegratedContact:
+    """Integrate by DOP853 with its error estimate, step by step as `collide_kernel`.
+
+    The tolerance is relative to how far a column departs from uniform motion: of a foot that grazes
+    the ball, far less than the column itself.
+    """
+    lane, y, rtol = equations.lane, equations.start(), max(equations.tol, 3e-14)
+    start, drift, nv = y, np.zeros(len(y)), equations.leg.nv
+    drift[:nv], drift[2 * nv : 2 * nv + 3] = y[nv : 2 * nv], y[2 * nv + 3 : 2 * nv + 6]
+    rates, precision = np.empty((STAGES + 1, len(y))), phases.event_precision(rtol)
+    scales, begins, columns, kinds = equations.scales(), [0.0], [y], []
+    is_new, outcome = True, TAKEN
+    while True:
+        t = begins[-1]
+        if is_new:
+            rates[0] = equations.evaluate(t, y, lane)[0]
+            is_new = False
+        if outcome != AGAIN:
+            phases.limit_step(lane, 0)
+        h = float(lane.step[0])
+        new = _stages(equations, lane, (t, y, h), rates, 1)
+        rates[STAGES] = equations.evaluate(t + h, new, lane)[0]
+        moved, later = start + t * drift, start + (t + h) * drift
+        size = scales + np.maximum(np.abs(y - moved), np.abs(new - later))
+        per = 1.0 / (rtol * lane.tolerance_factor[0] * size)
+        five, three = np.square(TABLE[STAGES + 1 :].dot(rates[:STAGES]) * per).sum(axis=1).tolist()
+        square = (five + 0.01 * three) * len(y)
+        error = h * five / math.sqrt(square) if square != 0.0 else 0.0
+        phase = lane.largest[0], lane.kind[0], *lane.along[:, 0]
+        outcome = phases.finish_step(lane, 0, error, precision)
+        if outcome == FAILED:
+            raise KickdynError(_failure(equations, error))
+        if outcome in (TAKEN, THROUGH) or 0 <= outcome < AT_BEGINNING:
+            begins.append(t + h)
+            columns.append(new)
+            kinds.append(phase)
+            y, rates[0] = new, rates[STAGES]
+        is_new = outcome >= 0
+        parted = is_new and equations.begin_phase(outcome % AT_BEGINNING)
+        if parted:  # nothing but gravity acts since then
+            late = float(lane.ends[0, 0] / lane.sliding[2, 0])
+            begins[-1], columns[-1] = begins[-1] + late, y + late * rates[STAGES]
+        if parted or outcome == THROUGH:
+            evaluations = int(lane.calls[0])
+            times, steps = np.array(begins), np.array(kinds)
+            return IntegratedContact(equations, times, np.array(columns), steps, evaluations)
+
+
+def _failure(equations: CompliantContact, error: float) -> str:
+    lane, expected = equations.lane, equations.expected
+    t = float(lane.time[0])
+    if not math.isfinite(error):
+        return "the integration exceeded double precision: torques, speeds or lengths are too large"
+    if t > 2.0 * expected:
+        return (
+            f"foot and ball are still in contact after {t:.3g} s, {t / expected:.3g} times the "
+            "time that the two alone would take: the motion of the leg, gravity or a torque "
+            "presses them together"
+        )
+    if lane.calls[0] > phases.MAX_EVALUATIONS:
+        return (
+            f"the contact has not ended after {phases.MAX_EVALUATIONS} evaluations, at {t:g} of "
+            f"about {expected:g} s: the equations of motion are too stiff (friction "
+            f"{equations.approach.contact.friction:g}, a light foot or a ball of small inertia)"
+        )
+    return (
+        f"the integrator failed at {t:g} s: the motion changes in less than 1e-13 of the contact "
+        f"time of {expected:g} s that foot and ball alone would take; speeds or torques are too "
+        "large"
+    )

@@ -19,12 +19,9 @@ class Body:
     """A body of an impact with k contacts: its share of the Delassus matrix.
 
     As it stands, it is an obstacle at rest that no impulse moves: the ground or a wall.
-
-    Attributes:
-        is_free: whether the body can move in every direction.
     """
 
-    is_free: bool = False
+    is_free: bool = False  # whether the body can move in every direction
 
     def delassus(self, axes: Array) -> Array:
         """Return the share of the Delassus matrix in contact axes, shape `(3 k, 3 k)` [1/kg].
@@ -43,17 +40,11 @@ class Body:
 
 @dataclass(eq=False)
 class BallBody(Body):
-    """A ball, which is touched on its surface.
+    """A ball, which is touched on its surface."""
 
-    Attributes:
-        ball: mass m, radius r and inertia I_b.
-        normals: of the contacts.
-        sides: of the ball at the contacts, -1, 0 or 1.
-    """
-
-    ball: Ball
-    normals: tuple[Array, ...]
-    sides: tuple[float, ...] = (1.0,)
+    ball: Ball  # mass m, radius r and inertia I_b
+    normals: tuple[Array, ...]  # of the contacts
+    sides: tuple[float, ...] = (1.0,)  # of the ball at the contacts, -1, 0 or 1
 
     @property
     def is_free(self) -> bool:  # type: ignore[override]
@@ -116,20 +107,14 @@ def _diagonal(across: float, along: float) -> Array:
 
 @dataclass(eq=False)
 class LegBody(Body):
-    """A leg, or another articulated body, in a posture; a planar one cannot leave its plane.
+    """A leg, or another articulated body, in a posture; a planar one cannot leave its plane."""
 
-    Attributes:
-        posture: its inertia, supports and loops.
-        jacobian: of the contact points, shape `(3 k, nv)`.
-        factor: F with :math:`F F^T = J M^{-1} J^T`, shape `(3 k, n)` [kg^-1/2, world frame]; the
-            rows of a contact have the sign of its side, or all of them have the wrong sign.
-        sides: of the leg at the contacts, -1 or 1.
-    """
-
-    posture: Posture
-    jacobian: Array
+    posture: Posture  # its inertia, supports and loops
+    jacobian: Array  # of the contact points, shape `(3 k, nv)`
+    # F with F F^T = J M^-1 J^T, shape `(3 k, n)` [kg^-1/2, world frame]; the rows of a contact have
+    # the sign of its side, or all of them have the wrong sign
     factor: Array
-    sides: tuple[float, ...] = (-1.0,)
+    sides: tuple[float, ...] = (-1.0,)  # of the leg at the contacts, -1 or 1
 
     def delassus(self, axes: Array) -> Array:
         # The rows of the factor are rotated, not their products: a foot that is much more mobile
@@ -157,23 +142,14 @@ NO_VELOCITY: Triple = (0.0, 0.0, 0.0)
 
 
 class ContactPoint(NamedTuple):
-    r"""A point at which two bodies touch.
+    """A point at which two bodies touch."""
 
-    Attributes:
-        normal: n, unit vector from the first body into the second, shape `(3,)` [world frame].
-        restitution: coefficient e.
-        friction: Coulomb's coefficient mu.
-        centre_velocity: velocity of the second body at the contact minus the first's, without
-            what spins of balls add [m/s, world frame].
-        surface_spin: sum of radius times spin, :math:`r\, \omega`, of the balls that touch there
-            [m/s, world frame].
-    """
-
-    normal: Array
-    restitution: float
-    friction: float
+    normal: Array  # n, unit vector from the first body into the second, `(3,)` [world frame]
+    restitution: float  # coefficient e
+    friction: float  # Coulomb's coefficient mu
+    # of the second body at the contact minus the first's, without what spins of balls add [m/s]
     centre_velocity: Triple = NO_VELOCITY
-    surface_spin: Triple = NO_VELOCITY
+    surface_spin: Triple = NO_VELOCITY  # sum of radius times spin of the balls that touch [m/s]
 
     @property
     def velocity(self) -> Triple:
@@ -202,14 +178,10 @@ class ContactProblem(NamedTuple):
     Delassus matrix G is the sum of the bodies' shares; for a leg that strikes a ball it is
 
     .. math:: G = J M^{-1} J^T + \frac{1}{m} I + \frac{r^2}{I_b} (I - n n^T) .
-
-    Attributes:
-        contacts: the contacts.
-        bodies: the bodies that touch at them; see `kickdyn.impact.contact_problem` for signs.
     """
 
     contacts: tuple[ContactPoint, ...]
-    bodies: tuple[Body, ...]
+    bodies: tuple[Body, ...]  # that touch at them
 
     def inverse_mass(self, direction: Array) -> float:
         """Return the inverse effective mass of a single contact along a unit vector [1/kg]."""
@@ -241,24 +213,15 @@ class ContactProblem(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """What an impact law returns for k contacts.
+    """What an impact law returns for k contacts."""
 
-    Attributes:
-        impulses: on the second body of each contact, shape `(k, 3)` [N s, world frame].
-        sticking: for each contact, whether friction can stop the points from sliding; False without
-            friction.
-        energy_lost: kinetic energy that the bodies lose [J].
-        tangential_impulses: parts of the impulses across the normals, computed separately so that
-            they keep their digits, shape `(k, 3)` [N s].
-        residual: residual of an iteration, relative to the largest impulse or velocity; 0 for a
-            closed form.
-    """
-
-    impulses: Array
+    impulses: Array  # on the second body of each contact, shape `(k, 3)` [N s, world frame]
+    # for each contact, whether friction can stop the points from sliding; False without friction
     sticking: tuple[bool, ...]
-    energy_lost: float
+    energy_lost: float  # kinetic energy that the bodies lose [J]
+    # parts of the impulses across the normals, computed separately so that they keep their digits
     tangential_impulses: Array
-    residual: float = 0.0
+    residual: float = 0.0  # of an iteration, relative to the largest impulse or velocity
 
 
 def solution_in_world(

@@ -21,17 +21,11 @@ HERTZ, LINEAR = 1.5, 1.0
 
 
 class Load(NamedTuple):
-    """What a foot and a ball that touch do to each other, along the normal.
+    """What a foot and a ball that touch do to each other, along the normal."""
 
-    Attributes:
-        force: on a foot that does not accelerate [N].
-        carried: mass of the ball that moves with the foot, whose inertia adds to the force [kg].
-        lost: power lost to hysteresis [W].
-    """
-
-    force: float
-    carried: float
-    lost: float
+    force: float  # on a foot that does not accelerate [N]
+    carried: float  # mass of the ball that moves with the foot [kg]; its inertia adds to the force
+    lost: float  # power, to hysteresis [W]
 
 
 class NormalForce(Protocol):
@@ -81,15 +75,12 @@ class ForceModel:
 
     def __post_init__(self) -> None:
         """Check the values and store them as floats."""
-        values = {
-            "exponent": validation.number("exponent", self.exponent, at_least=1, at_most=2),
-            "stiffness": validation.number("stiffness", self.stiffness, at_least=0, unit="N/m^n"),
-            "restitution": validation.number(
-                "restitution", self.restitution, at_least=0.01, at_most=1
-            ),
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        e = self.restitution
+        self.__dict__.update(
+            exponent=validation.number("exponent", self.exponent, at_least=1, at_most=2),
+            stiffness=validation.number("stiffness", self.stiffness, at_least=0, unit="N/m^n"),
+            restitution=validation.number("restitution", e, at_least=0.01, at_most=1),
+        )
 
     def force(self, deflection: float, largest: float = 0.0) -> float:
         """Return the normal force [N] for a deflection [m], not checked.
@@ -187,12 +178,8 @@ def chosen_spring(
 ) -> tuple[Any, float, Any]:
     """Return stiffness, exponent and contact time [s] of a spring; floats, or arrays.
 
-    Args:
-        options: contact time and stiffness, as `collide` takes them.
-        ball_stiffness: `Ball.stiffness`, for the stiffness `"pressure"`.
-        mass: reduced mass [kg].
-        speed: of the approach [m/s].
-        restitution: coefficient e.
+    `options` are contact time and stiffness, as `collide` takes them; the stiffness `"pressure"` is
+    `Ball.stiffness`. The mass is the reduced one [kg].
     """
     time, stiffness = options
     if stiffness is None:
@@ -230,22 +217,14 @@ class InflatedForce:
     again, is lost at the rate :math:`s m |\dot d|^3 / (4 R)`. The centre of mass is at the height
     :math:`R (1 - u + s u^2 / 4)` over the plane, at which F acts on the mass m.
     `docs/explanation/inflated-ball.md` derives it, and e from it; the derivation is our own.
-
-    Attributes:
-        mass: mass m of the ball [kg].
-        radius: radius R [m].
-        pressure: gauge pressure p of the ball that touches nothing [Pa].
-        shell_share: s, 0 to 1.
-        shell_restitution: :math:`e_s`, see `kickdyn.restitution.SHELL_RESTITUTION`.
-        gas_exponent: :math:`\gamma`; with 0 the pressure stays p.
     """
 
-    mass: float
-    radius: float
-    pressure: float
-    shell_share: float = 1.0
-    shell_restitution: float = SHELL_RESTITUTION
-    gas_exponent: float = GAS_EXPONENT
+    mass: float  # m, of the ball [kg]
+    radius: float  # R [m]
+    pressure: float  # gauge pressure p of the ball that touches nothing [Pa]
+    shell_share: float = 1.0  # s, 0 to 1
+    shell_restitution: float = SHELL_RESTITUTION  # e_s
+    gas_exponent: float = GAS_EXPONENT  # gamma; with 0 the pressure stays p
 
     @classmethod
     def of(cls, ball: Ball) -> "InflatedForce":

@@ -29,7 +29,6 @@ from kickdyn.impact.laws import LAWS, names_of_laws
 from kickdyn.impact.leg_response import Footing, LegResponse, axis_projectors, footing, leg_response
 from kickdyn.impact.sensitivity import Sensitivity
 from kickdyn.impact.uncertainty import (
-    Nominal,
     Rounding,
     Uncertainty,
     digits_left,
@@ -311,10 +310,7 @@ class Impact(AfterApproach):
             >>> round(spread.joints["knee"].force_deviation, 3)  # [N s]
             0.046
         """
-        joints = dict(zip(self.posture.leg.joint_names, self.joint_impulses, strict=True))
-        projectors = axis_projectors(self.posture)
-        nominal = Nominal(self.impulse, self.ball_after.velocity, joints, projectors)
-        return uncertainty(self.sensitivity(), nominal, spread)
+        return uncertainty(self, spread)
 
     def plot(self, **spread: ArrayLike) -> Any:
         """Return a matplotlib Figure of the linear impulses in the joints, in journal width.

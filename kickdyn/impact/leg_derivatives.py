@@ -121,14 +121,8 @@ def joint_impulse_derivatives(
 
     where p(m) is the body before the joint. The impulse in the joint's own axes is
     :math:`X_j^T F_j`. Where supports and loops take part, their impulses change so that the balance
-    of the joints remains, :math:`A^T d\lambda = S^T df |_\lambda`.
-
-    Args:
-        posture: posture of the leg.
-        impulse: impulse on the ball, `(3,)` [N s].
-        response: the leg's response to it.
-        jump: velocity jump, `(nv,)`.
-        slopes: derivatives of these.
+    of the joints remains, :math:`A^T d\lambda = S^T df |_\lambda`. The leg's response to the
+    impulse on the ball, `(3,)` [N s], is a velocity jump, `(nv,)`, with slopes of both.
     """
     tree = _Tree(posture, jump)
     foot = ImpulsiveLoad(

@@ -67,19 +67,12 @@ def response_to_jump(
 
 
 class ImpulsiveLoad(NamedTuple):
-    """An impulse and its moment on a joint's body, at a point of it.
-
-    Attributes:
-        joint: the joint.
-        rotation: from the joint's axes to the world's, shape `(3, 3)`.
-        lever: of the point, from the joint's origin, in its axes [m].
-        wrench: shape `(6,)` [N s, N m s, world axes].
-    """
+    """An impulse and its moment on a joint's body, at a point of it."""
 
     joint: int
-    rotation: Array
-    lever: Array
-    wrench: Array
+    rotation: Array  # from the joint's axes to the world's, shape `(3, 3)`
+    lever: Array  # of the point, from the joint's origin, in its axes [m]
+    wrench: Array  # shape `(6,)` [N s, N m s, world axes]
 
 
 def constraint_loads(posture: Posture, impulses: Array) -> list[tuple[slice, ImpulsiveLoad]]:

@@ -120,13 +120,8 @@ def stick_impulse(
     r"""Return the impulse after which the points stick, friction by the normal impulse, pivots.
 
     The impulse [N s] solves :math:`G p = -(u_1, u_2, (1 + e)\, u_3)` in Cholesky's order, because
-    Cramer's rule would lose digits twice. A normal impulse 1 alone needs the second pair as
-    friction. The pivots are what is left of entries 22 and 33 of G [1/kg].
-
-    Args:
-        g: entries of G, with the normal last [1/kg].
-        u: relative velocity before the impact [m/s].
-        e: restitution.
+    Cramer's rule would lose digits twice; u is the velocity before. A normal impulse 1 alone needs
+    the second pair as friction. The pivots are what is left of entries 22 and 33 of G [1/kg].
     """
     g11, g12, g22, g13, g23, g33 = g
     inverse = 1.0 / g11
@@ -151,14 +146,7 @@ def slip_impulse(
     the normal row. Where the cone hardly resists, p alone would have few digits, so that Newton's
     method improves p and the direction together. Impulses whose friction would drive the sliding
     are none, nor are those that nothing but rounding resists; without any, the energy lost is
-    -inf.
-
-    Args:
-        g: entries of G, with the normal last [1/kg].
-        u: relative velocity before the impact [m/s].
-        e: restitution.
-        mu: friction, above 0.
-        directions: pairs (c, s) of about unit length; pairs of zeros are passed over.
+    -inf. Directions (c, s) have about unit length; pairs of zeros are passed over.
     """
     g11, g12, g22, g13, g23, g33 = g
     f3 = (1.0 + e) * u[2]
@@ -215,13 +203,7 @@ def slip_conic(g: Matrix, u: Triple, e: float, mu: float) -> Conic:
     .. math:: m\, (c^2 + s^2) + h\, (c^2 - s^2) + 2 d_1 c + 2 d_2 s = 0
 
     in axes that are turned by an angle b. Returned are h, m, d_1 and d_2, scaled to order 1, and
-    cosine and sine of b.
-
-    Args:
-        g: entries of G, with the normal last [1/kg].
-        u: relative velocity before the impact [m/s].
-        e: restitution.
-        mu: friction, above 0.
+    cosine and sine of b. Friction mu is above 0.
     """
     g11, g12, g22, g13, g23, g33 = g
     f3 = (1.0 + e) * u[2]

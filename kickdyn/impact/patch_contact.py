@@ -23,8 +23,7 @@ from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.compliant_contact import CompliantContact, Kinematics, Torque
-from kickdyn.impact.contact_motion import contact_axes
-from kickdyn.impact.contact_phases import RESTING, SLIPS
+from kickdyn.impact.contact_phases import RESTING, SLIPS, contact_axes
 from kickdyn.impact.force_model import GAS_EXPONENT, InflatedForce, compression_work, gauge_pressure
 from kickdyn.robot.foot_surfaces import foot_surfaces
 
@@ -99,22 +98,14 @@ def _across(normal: Array, direction: ArrayLike | None) -> Array:
 
 
 class Overlap(NamedTuple):
-    r"""What of a sphere is beyond a plane and over a strip of it.
+    """What of a sphere is beyond a plane and over a strip of it."""
 
-    Attributes:
-        volume: V [m3].
-        area: A, of the disc over the strip [m2], the slope of V over the deflection.
-        across: slope of V over the distance c of the centre from the middle [m2].
-        area_slopes: slopes of A over the deflection and over c [m].
-        rim: :math:`\int d\varphi`, :math:`\int x\, d\varphi`, :math:`\int x^2 d\varphi`,
-            :math:`\int y^2 d\varphi` over the arcs of the rim over the strip, x across and y
-            along it from the foot of the centre [1, m, m2, m2].
-    """
-
-    volume: float
-    area: float
-    across: float
-    area_slopes: tuple[float, float]
+    volume: float  # V [m3]
+    area: float  # A, of the disc over the strip [m2], the slope of V over the deflection
+    across: float  # slope of V over the distance c of the centre from the middle [m2]
+    area_slopes: tuple[float, float]  # slopes of A over the deflection and over c [m]
+    # integrals of 1, x, x^2 and y^2 over the angles of the arcs of the rim over the strip, x across
+    # and y along it from the foot of the centre [1, m, m2, m2]
     rim: tuple[float, float, float, float]
 
 
@@ -158,17 +149,11 @@ def _segment(half_chord: float, x: float, height: float, radius: float) -> float
 
 @dataclass(frozen=True)
 class PatchForce:
-    """What the forces of a patch follow from.
+    """What the forces of a patch follow from."""
 
-    Attributes:
-        ball: pressure, and loss of the shell.
-        half: half the width of the strip [m].
-        shear: tangential stiffness of the patch over its area [N/m3].
-    """
-
-    ball: InflatedForce
-    half: float
-    shear: float
+    ball: InflatedForce  # pressure, and loss of the shell
+    half: float  # the width of the strip [m]
+    shear: float  # tangential stiffness of the patch over its area [N/m3]
 
     def separation(self, largest: float) -> float:
         """Return 0: the ball keeps no dent."""

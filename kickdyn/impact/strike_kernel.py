@@ -111,12 +111,9 @@ def solve_newton_batch(state, ball, u, contact, least):  # type: ignore[no-untyp
     Returned is 1 where the points stick; `slips` is set where the direction of their slip is to be
     found, see `slip_batch` and `slip_of_lane`.
 
-    Args:
-        state: with the Delassus matrix of the foot.
-        ball: mobility of the ball across and along the normal [1/kg].
-        u: velocity of the ball over the foot [m/s].
-        contact: restitution and friction.
-        least: share that pivots and resistance must keep of their terms.
+    The state has the Delassus matrix of the foot, `ball` its own mobility across and along the
+    normal [1/kg], and `contact` restitution and friction; u is the velocity of the ball over the
+    foot [m/s].
     """
     (e, mu), g = contact, with_ball(state.delassus, ball)
     g11, g12, g22, g13, g23, g33 = g
@@ -155,13 +152,8 @@ def slip_batch(state, ball, u, contact):  # type: ignore[no-untyped-def]
     Eliminating c leaves a polynomial of fourth degree in :math:`\lambda`, whose last coefficient
     is negative because the impulse for sticking lies outside the cone. If the signs of its
     coefficients change once, it has one positive root (Descartes' rule), so that any direction that
-    Newton's method finds is the only one. `slips` remains set in the other lanes.
-
-    Args:
-        state: with the Delassus matrix of the foot.
-        ball: mobility of the ball across and along the normal [1/kg].
-        u: velocity of the ball over the foot [m/s].
-        contact: restitution and friction.
+    Newton's method finds is the only one. `slips` remains set in the other lanes. The arguments are
+    those of `solve_newton_batch`.
     """
     (e, mu), (u1, u2, u3) = contact, u
     g11, g12, g22, g13, g23, g33 = with_ball(state.delassus, ball)

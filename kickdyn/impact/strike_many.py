@@ -89,21 +89,13 @@ def contact_frames(normals: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ContactRows:
-    """One contact or n as arrays.
+    """One contact or n as arrays."""
 
-    Attributes:
-        given: the contacts; or one, which the arrays change in each of n rows.
-        normal: shape `(n, 3)`, unit vectors.
-        restitution: shape `(n,)`, nan where it depends on the speed of approach.
-        friction: shape `(n,)`.
-        changed: whether the arrays change the contact that is given.
-    """
-
-    given: Sequence[Contact]
-    normal: Array
-    restitution: Array
-    friction: Array
-    changed: bool = False
+    given: Sequence[Contact]  # the contacts; or one, which the arrays change in each of n rows
+    normal: Array  # unit vectors, shape `(n, 3)`
+    restitution: Array  # shape `(n,)`, nan where it depends on the speed of approach
+    friction: Array  # shape `(n,)`
+    changed: bool = False  # whether the arrays change the contact that is given
 
     @classmethod
     def of(cls, contacts: Sequence[Contact]) -> "ContactRows":

@@ -9,7 +9,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.impact.contact_motion import slip_direction
+from kickdyn.impact.contact_phases import slip_direction
 from kickdyn.impact.contact_problem import (
     ContactProblem,
     ImpactLaw,

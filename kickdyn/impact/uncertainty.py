@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -14,7 +14,12 @@ from kickdyn.core.validation import Array, ArrayLike, length, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import EPS, Approach
 from kickdyn.impact.contact_problem import Solution
-from kickdyn.impact.leg_response import NO_CONSTRAINTS, joint_impulses, leg_response
+from kickdyn.impact.leg_response import (
+    NO_CONSTRAINTS,
+    axis_projectors,
+    joint_impulses,
+    leg_response,
+)
 from kickdyn.impact.sensitivity import UNITS, Branch, Sensitivity, impulse_by_velocity
 from kickdyn.restitution import restitution_slope
 from kickdyn.robot.leg import Posture
@@ -72,23 +77,6 @@ class JointUncertainty(ReadOnlyArrays):
     structure: Array
     axis: Array
     by_source: Mapping[str, float]
-
-
-@dataclass(frozen=True, eq=False)
-class Nominal:
-    """The results whose uncertainty is asked for, as `Impact` has them.
-
-    Attributes:
-        impulse: impulse on the ball, `(3,)` [N s].
-        velocity: velocity of the ball, `(3,)` [m/s].
-        joints: impulse in each joint by name, `(6,)` [N s, N m s].
-        projectors: by `axis_projectors`, `(njoints, 6, 6)`.
-    """
-
-    impulse: Array
-    velocity: Array
-    joints: Mapping[str, Array]
-    projectors: Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -194,10 +182,9 @@ class Uncertainty(Printed):
         return math.sqrt(sum(float(np.trace(by[result])) for by in self.by_source.values()))
 
 
-def uncertainty(
-    slopes: Sensitivity, nominal: Nominal, spread: Mapping[str, ArrayLike]
-) -> Uncertainty:
-    """Propagate uncertainties of sources through an impact, as `Impact.uncertainty` says."""
+def uncertainty(impact: Any, spread: Mapping[str, ArrayLike]) -> Uncertainty:
+    """Propagate uncertainties of sources through an `Impact`, as `Impact.uncertainty` says."""
+    slopes: Sensitivity = impact.sensitivity()
     if not spread:
         raise InvalidInput(f"no source is named: choose among {', '.join(UNITS)}")
     unknown = [name for name in spread if name not in UNITS]
@@ -205,14 +192,13 @@ def uncertainty(
         raise InvalidInput(f"source {unknown[0]!r} is unknown: choose among {', '.join(UNITS)}")
     by_source: dict[str, Mapping[str, Array]] = {}
     joints_by_source: dict[str, Array] = {}
-    impulse, velocity = nominal.impulse, nominal.velocity
     margin_deviation = 0.0
     for name, value in spread.items():
         margin_slope = slopes.margin_slope[name]
         covariance = source_covariance(name, value, margin_slope.shape[1])
         jacobians = {
-            "impulse_size": _size_rows(impulse) @ slopes.impulse[name],
-            "speed": _size_rows(velocity) @ slopes.velocity[name],
+            "impulse_size": _size_rows(impact.impulse) @ slopes.impulse[name],
+            "speed": _size_rows(impact.ball_after.velocity) @ slopes.velocity[name],
             "impulse": slopes.impulse[name],
             "velocity": slopes.velocity[name],
             "spin": slopes.spin[name],
@@ -233,13 +219,13 @@ def uncertainty(
     sigmas = slopes.margin / margin_deviation if margin_deviation > 0.0 else math.inf
     size, speed = (float(np.sqrt(np.trace(totals.pop(name)))) for name in ("impulse_size", "speed"))
     return Uncertainty(
-        **totals, impulse_size=size, speed=speed, joints=_joints(nominal, joints_by_source),
+        **totals, impulse_size=size, speed=speed, joints=_joints(impact, joints_by_source),
         by_source=by_source, branch=slopes.branch,
         branch_sigmas=0.0 if slopes.at_boundary else sigmas,
     )  # fmt: skip
 
 
-def _joints(nominal: Nominal, by_source: Mapping[str, Array]) -> dict[str, JointUncertainty]:
+def _joints(impact: Any, by_source: Mapping[str, Array]) -> dict[str, JointUncertainty]:
     """Return the uncertainty of each joint from its covariances by source, `(njoints, 6, 6)`."""
 
     def deviation(vector: Array, covariance: Array, rounding: float = 0.0) -> float:
@@ -247,9 +233,12 @@ def _joints(nominal: Nominal, by_source: Mapping[str, Array]) -> dict[str, Joint
         return math.sqrt(max(float(np.trace(rows @ covariance @ rows.T)), 0.0))
 
     answer = {}
-    for k, (name, impulse) in enumerate(nominal.joints.items()):
+    projectors = axis_projectors(impact.posture)
+    for k, (name, impulse) in enumerate(
+        zip(impact.posture.leg.joint_names, impact.joint_impulses, strict=True)
+    ):
         covariance = np.sum([of_source[k] for of_source in by_source.values()], axis=0)
-        axis = nominal.projectors[k]
+        axis = projectors[k]
         structure = np.eye(6) - axis
         force = math.hypot(*impulse[:3])
         answer[name] = JointUncertainty(

@@ -142,12 +142,12 @@ def limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
         rotation, origin = task.other.pose.rotation, task.other.pose.translation
         heights = (under.centres @ rotation.T + origin)[:, 2] - under.radii
         under = Spheres(under.centres, under.radii + np.minimum(heights - 1e-9, 0.0))
-    limits.append(Clearance("the kicking foot", foot, under))
+    limits.append(Clearance(foot, under))
     beside = _foot_spheres(standing, sideways, *BESIDE)
-    limits.append(Apart("the kicking foot", foot, beside, edge, side))
-    if carriers := _trunk_carriers(standing, leg):
+    limits.append(Apart(foot, beside, edge, side))
+    if trunk := _trunk_carrier(standing, leg):
         pin.forwardKinematics(leg.workspace.model, leg.workspace.data, leg.configuration())
-        limits.append(Tilt(carriers[-1], leg.workspace.data.oMi[carriers[-1]].rotation[2].copy()))
+        limits.append(Tilt(trunk, leg.workspace.data.oMi[trunk].rotation[2].copy()))
     if task.resting:
         limits.append(resting_limit(task, task.resting))
     return limits, [Impulse(limit) for limit in in_impact]
@@ -159,13 +159,14 @@ def resting_limit(task: KickTask, names: Sequence[str]) -> RestingTorqueLimit:
     return RestingTorqueLimit(names, limit, [task.resting.index(name) for name in names])
 
 
-def _trunk_carriers(standing: StandingRobot, leg: Leg) -> list[int]:
-    """Return the joints of a leg that carry the trunk, the last one next to it."""
+def _trunk_carrier(standing: StandingRobot, leg: Leg) -> int:
+    """Return the joint of a leg that carries the trunk, next to it; 0 if none does."""
     if not standing.trunk_joint:
-        return []
+        return 0
     whole, model = standing.leg.workspace.model, leg.workspace.model
-    names = [whole.names[joint] for joint in whole.supports[whole.getJointId(standing.trunk_joint)]]
-    return [int(model.getJointId(name)) for name in names[1:] if model.existJointName(name)]
+    path = list(whole.supports[whole.getJointId(standing.trunk_joint)])[:0:-1]
+    names = (whole.names[joint] for joint in path)
+    return next((int(model.getJointId(n)) for n in names if model.existJointName(n)), 0)
 
 
 def _foot_spheres(standing: StandingRobot, towards: Array, count: int, cosine: float) -> Spheres:

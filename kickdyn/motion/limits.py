@@ -280,39 +280,30 @@ class Impulse(Limit):
 
 
 class SphereDistance(Limit):
-    """Coordinates of the spheres of a body less their radii and the one of an edge [m].
+    """Coordinates of the spheres of the kicking foot less their radii and the one of an edge [m].
 
-    Args:
-        label: of all rows.
-        joint: that carries the body.
-        spheres: that span it, in the joint's axes.
-        axis: number of the coordinate in the world.
-        edge: its value at the edge [m].
-        side: 1 if the body is beyond the edge, or -1.
+    The spheres are in the axes of the foot's joint; `side` is 1 if the foot is beyond the edge, or
+    -1.
     """
 
     unit = "m"
+    label: str  # of all rows
+    axis: int  # number of the coordinate in the world
 
-    def __init__(
-        self, label: str, joint: int, spheres: Spheres, axis: int, edge: float, side: float
-    ) -> None:
-        self.labels = [label] * len(spheres.radii)
-        self._joint, self._spheres = joint, spheres
-        self._axis, self._edge, self._side = axis, edge, side
+    def __init__(self, joint: int, spheres: Spheres, edge: float = 0.0, side: float = 1.0) -> None:
+        self.labels = [self.label] * len(spheres.radii)
+        self._joint, self._spheres, self._edge, self._side = joint, spheres, edge, side
 
     def margins(self, sample: Sample) -> Any:
         points = [sample.tree.point(self._joint, centre) for centre in self._spheres.centres]
-        beyond = ca.vertcat(*(point[self._axis] for point in points)) - self._edge
+        beyond = ca.vertcat(*(point[self.axis] for point in points)) - self._edge
         return self._side * beyond - ca.DM(self._spheres.radii)
 
 
 class Clearance(SphereDistance):
-    """A body of the kicking limb is above the ground: heights of its spheres [m]."""
+    """The kicking foot is above the ground: heights of its spheres [m]."""
 
-    reserve = 0.004
-
-    def __init__(self, name: str, joint: int, spheres: Spheres) -> None:
-        super().__init__(f"the height of {name} above the ground", joint, spheres, 2, 0.0, 1.0)
+    label, axis, reserve = "the height of the kicking foot above the ground", 2, 0.004
 
 
 class Apart(SphereDistance):
@@ -321,11 +312,7 @@ class Apart(SphereDistance):
     The edge is at a y [m], and the kicking foot to the left of it, with the side 1, or the right.
     """
 
-    reserve = 0.01
-
-    def __init__(self, name: str, joint: int, spheres: Spheres, edge: float, side: float) -> None:
-        label = f"the distance of {name} from the supporting foot"
-        super().__init__(label, joint, spheres, 1, edge, side)
+    label, axis, reserve = "the distance of the kicking foot from the supporting foot", 1, 0.01
 
 
 class Tilt(Limit):

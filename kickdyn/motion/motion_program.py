@@ -53,11 +53,8 @@ class MotionSplines:
     """Cubic splines of joints from rest to the impact and from there to rest.
 
     Velocity and acceleration are 0 at the beginning and at the end; at the impact positions are
-    equal. The splines are linear maps of coefficients, shape `(size, n)` for n joints.
-
-    Args:
-        before, after: durations [s].
-        intervals: numbers of intervals between knots before and after the impact.
+    equal. The splines are linear maps of coefficients, shape `(size, n)` for n joints, with
+    intervals between knots before and after the impact.
     """
 
     def __init__(self, before: float, after: float, intervals: tuple[int, int]) -> None:
@@ -214,15 +211,9 @@ def taken_over(
 
 
 class SymbolicTree:
-    r"""A Pinocchio model of joints of one degree of freedom, in CasADi's scalar symbols.
+    """A Pinocchio model of joints of one degree of freedom, in CasADi's scalar symbols q, v and a.
 
-    Attributes:
-        model: the `pin.Model`.
-        q, v, a: its symbols, shape `(n,)`.
-
-    Args:
-        model: see above.
-        state: expressions for q, v and a; None are symbols.
+    These have shape `(n,)`; a `state` has other expressions for them.
     """
 
     def __init__(self, model: Any, state: Sequence[Any] | None = None) -> None:

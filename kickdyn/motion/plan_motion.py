@@ -244,16 +244,11 @@ def _plan(
     whole: Leg | None = None,
     share: float = 1.0,
 ) -> Verdict:
-    """Return the verdict on the best motion of all joints of a task.
+    """Return the verdict on the best motion of all joints of a task, which takes some `work`.
 
-    Args:
-        task: the kick.
-        near: the motion to start from; None is a posture at rest.
-        starts: number of starts at most; with 0, there is one, and limits between points are not
-            sought where it does not reach the whole launch.
-        work: iterations that the solutions may take together.
-        whole: the leg with the limbs that are at rest, which are put aside of the motion.
-        share: of the launch, that `near` reaches.
+    It starts from a motion `near`, which reaches a share of the launch, or from postures at rest,
+    `starts` at most; with 0, there is one, and limits between points are not sought where it does
+    not reach the whole launch. Limbs at rest of the `whole` leg are put aside of the motion.
     """
     former = None if near is None else near.solution
     limited = () if former is None else [name for name in former.limited if name in task.resting]

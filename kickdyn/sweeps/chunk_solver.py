@@ -11,7 +11,9 @@ from kickdyn.core import validation
 from kickdyn.core.compilation import MachineCode, Source
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.batch import MARCH, carries, seconds_of_fly
+from kickdyn.flight.batch import MARCH, TIME_LIMIT, landings, seconds_of_fly
+from kickdyn.flight.events import ground_event
+from kickdyn.flight.flight_result import LANDED
 from kickdyn.impact.laws import find_law
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import VARIABLES, describe, variables_of
@@ -36,6 +38,16 @@ def launches(model: KernelModel, impulse: Array) -> BallState:
     return BallState(np.zeros(p.shape), p / kick.ball.mass, spin, np.zeros(len(p)))
 
 
+def _carries(
+    model: KernelModel, impulse: Array, tol: float, machine_code: bool
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the carries [m] of balls after impulses, and which balls land, shapes `(n,)`."""
+    balls, kick = launches(model, impulse), model.kick
+    back, how = (ground_event(kick.ball, None),), {"machine_code": machine_code}
+    end, status = landings(balls, kick.ball, kick.air, back, tol, TIME_LIMIT, **how)
+    return np.hypot(end.position[:, 0], end.position[:, 1]), status == LANDED
+
+
 class CarryTable:
     """Polynomials of the carry over patches of a rectangle of impulses.
 
@@ -46,14 +58,8 @@ class CarryTable:
     the tolerance. Patches that do not get there, and impulses whose ball does not land, are left
     to be flown.
 
-    The leg of the model is planar, and the kick has air.
-
-    Args:
-        model: leg and kick.
-        tolerance: largest error of a carry [m].
-        impulses: impulses along normal and tangent [N s], shapes `(n,)`, which the rectangle is
-            to enclose closely; None is all impulses that can be.
-        machine_code: whether the balls fly in machine code.
+    The leg of the model is planar, and the kick has air. With impulses along normal and tangent
+    [N s], shapes `(n,)`, the rectangle encloses these closely; else all impulses that can be.
     """
 
     def __init__(
@@ -103,7 +109,7 @@ class CarryTable:
         """
         to_fly = np.empty(len(normal), bool)
         scales = np.array([self._largest_impulse, self._largest_slope, *self._corner, *self._sides])
-        pays = EVALUATE.pays(len(normal) * SECONDS_IN_PYTHON)
+        pays = EVALUATE.pays(len(normal) * SECONDS_OF_CARRY)
         evaluate: Callable[..., None] = EVALUATE() if pays else _evaluate
         with np.errstate(divide="ignore", invalid="ignore"):  # of impulses that are 0
             evaluate(normal, tangent, scales, self._index, self._patches, carry, to_fly)
@@ -136,15 +142,12 @@ class CarryTable:
         """
         normal = share * self._largest_impulse
         impulse = np.column_stack([slope * normal, np.zeros(len(share)), normal])
-        kick = self._model.kick
-        balls = launches(self._model, impulse)
-        how = {"machine_code": self._machine_code}
-        carry, landed = carries(balls, kick.ball, kick.air, FLIGHT_TOLERANCE, **how)
+        carry, landed = _carries(self._model, impulse, FLIGHT_TOLERANCE, self._machine_code)
         return np.where(landed, carry, np.nan)
 
 
-SECONDS_IN_PYTHON = 3e-5
-"""Processor time of a carry from the table, roughly [s]."""
+SECONDS_OF_CARRY = 3e-5
+"""Processor time of a carry from the table in Python, roughly [s]."""
 
 
 def _evaluate(normal, tangent, scales, index, patches, carry, to_fly):  # type: ignore[no-untyped-def]
@@ -303,10 +306,7 @@ class ChunkSolver:
             to_fly &= table(answer[NORMAL], answer[TANGENT], rows[_CARRY])
         flown = np.flatnonzero(to_fly)
         if flown.size:
-            balls = launches(model, answer[:3, flown].T)
-            rows[_CARRY, flown], landed = carries(
-                balls, self.kick.ball, self.kick.air, self._flight_tolerance,
-                machine_code=self._flies_in_machine_code,
-            )  # fmt: skip
+            impulse, fast = answer[:3, flown].T, self._flies_in_machine_code
+            rows[_CARRY, flown], landed = _carries(model, impulse, self._flight_tolerance, fast)
             doubtful[flown[~landed]] = True
         return doubtful

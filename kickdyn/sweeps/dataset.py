@@ -4,6 +4,7 @@ import hashlib
 import math
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from importlib import metadata
 from typing import Any
 
@@ -164,7 +165,9 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
     air, restitution = kick.air, kick.contact.restitution
     if not isinstance(restitution, float):
         restitution = format_restitution(restitution).strip("'")
-    text = "" if leg.file is None else leg.file.text
+    text, air_hash = "" if leg.file is None else leg.file.text, ""
+    with suppress(NotIdentifiedError):
+        air_hash = _air_digest(air)
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("pin", "numpy", "scipy"))
     return {
         "title": f"kicking postures of {leg.name}",
@@ -185,7 +188,7 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
         "ball_radius_m": kick.ball.radius,
         "ball_inertia_factor": kick.ball.inertia_factor,
         "air": "none" if air is None else repr(air),
-        "air_sha256": _air_hash(air),
+        "air_sha256": air_hash,
     }
 
 
@@ -262,11 +265,3 @@ def _air_digest(air: Air | None) -> str:
         return ""
     models = air.wind, air.drag, air.lift, air.torque
     return digest((air.density, air.viscosity, air.buoyancy, *models))
-
-
-def _air_hash(air: Air | None) -> str:
-    """Return the digest of an air; empty also if there is none."""
-    try:
-        return _air_digest(air)
-    except NotIdentifiedError:
-        return ""

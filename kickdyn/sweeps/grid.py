@@ -34,15 +34,10 @@ class Grid:
     """Every combination of joint values, or rows of them; other joints stay at 0, or close loops.
 
     Postures are numbered from 0, the last joint running fastest.
-
-    Attributes:
-        axes: joint name to its values, ascending, each of shape `(k,)` [rad; m for prismatic
-            joints].
-        is_list: whether posture i has value i of each joint, in any order, instead.
     """
 
-    axes: Mapping[str, Array]
-    is_list: bool = False
+    axes: Mapping[str, Array]  # joint to its values, ascending, each of shape `(k,)` [rad; m]
+    is_list: bool = False  # whether posture i has value i of each joint, in any order, instead
 
     @classmethod
     def of(
@@ -118,15 +113,10 @@ class Grid:
 
 @dataclass(frozen=True)
 class Chunks:
-    """The division of a grid into chunks of postures whose numbers follow each other.
-
-    Attributes:
-        grid_shape: shape of the grid.
-        shape: shape of a chunk; the last ones of an axis may be smaller.
-    """
+    """The division of a grid into chunks of postures whose numbers follow each other."""
 
     grid_shape: tuple[int, ...]
-    shape: tuple[int, ...]
+    shape: tuple[int, ...]  # of a chunk; the last ones of an axis may be smaller
 
     @classmethod
     def of(cls, grid_shape: tuple[int, ...], size: int) -> "Chunks":

@@ -30,8 +30,8 @@ from kickdyn.core.lanes import (
     square_root,
 )
 from kickdyn.core.validation import Array
-from kickdyn.impact import contact_motion, newton_law, strike_kernel
-from kickdyn.impact.contact_motion import contact_axes, slip_direction
+from kickdyn.impact import contact_phases, newton_law, strike_kernel
+from kickdyn.impact.contact_phases import contact_axes, slip_direction
 from kickdyn.impact.strike_kernel import slip_batch, slip_of_lane, solve_newton_batch, with_ball
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.leg import Leg
@@ -91,25 +91,18 @@ TASK = np.dtype(
 
 @dataclass(frozen=True, eq=False)
 class KernelModel:
-    """A fixed-base tree of hinges and slides that kicks; joints count from 1, 0 is the base.
-
-    Attributes:
-        kick: the kick.
-        planar: whether all motion is in one plane, which contains the normal.
-        axes: first tangent, second tangent and normal of the contact as columns [world frame]; of
-            planar motion, the second tangent is the normal of the plane.
-        tree: constants of each joint, dtype `JOINT`, shape `(n + 1,)`.
-        senses: -1 for each joint whose axis is reversed in its frame, because its largest
-            component is negative, else 1: parallel joints have aligned frames.
-        task: the kick, dtype `TASK`, shape `(1,)`.
-    """
+    """A fixed-base tree of hinges and slides that kicks; joints count from 1, 0 is the base."""
 
     kick: Kick
-    planar: bool
+    planar: bool  # whether all motion is in one plane, which contains the normal
+    # first tangent, second tangent and normal of the contact as columns [world frame]; of planar
+    # motion, the second tangent is the normal of the plane
     axes: Array
-    tree: NDArray[Any]
+    tree: NDArray[Any]  # constants of each joint, dtype `JOINT`, shape `(n + 1,)`
+    # -1 for each joint whose axis is reversed in its frame, because its largest component is
+    # negative, else 1: parallel joints have aligned frames
     senses: Array
-    task: NDArray[Any]
+    task: NDArray[Any]  # the kick, dtype `TASK`, shape `(1,)`
 
     @classmethod
     def of(cls, leg: Leg, kick: Kick) -> "KernelModel | None":
@@ -425,7 +418,7 @@ def write_joint_impulses(task, state, answer, c):  # type: ignore[no-untyped-def
     answer[MOMENTUM, c] = state.momentum_error / (square_root(state.jacobian_square) * size)
 
 
-named(_sweep, "sweep", lanes, tree_kernel, contact_motion, newton_law, strike_kernel, sweep_kick)
+named(_sweep, "sweep", lanes, tree_kernel, contact_phases, newton_law, strike_kernel, sweep_kick)
 
 
 def _source() -> Source:

@@ -35,23 +35,14 @@ The paper prints the foot's angle; hip and knee are those that reproduce Table 2
 
 @dataclass(frozen=True, eq=False)
 class ReportLine:
-    """One posture of the report.
+    """One posture of the report."""
 
-    Attributes:
-        label: name of the posture.
-        angles: joint name to value, to nine decimals [deg; m for prismatic joints].
-        outcome: the outcome of the kick.
-        values: value of each of `dataset.VARIABLES`.
-        paper: the paper's impulse on an immovable obstacle [N s], where it prints one.
-        explanation: reason of the ball speed, of the best and the worst posture.
-    """
-
-    label: str
-    angles: dict[str, float]
+    label: str  # name of the posture
+    angles: dict[str, float]  # joint to value, to nine decimals [deg; m for prismatic joints]
     outcome: PostureOutcome
-    values: dict[str, float]
-    paper: float | None = None
-    explanation: str = ""
+    values: dict[str, float]  # of each of `dataset.VARIABLES`
+    paper: float | None = None  # its impulse on an immovable obstacle [N s], where it prints one
+    explanation: str = ""  # reason of the ball speed, of the best and the worst posture
 
     def as_json(self) -> dict[str, object]:
         """Return plain values, with None for nan."""

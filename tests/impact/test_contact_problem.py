@@ -6,7 +6,7 @@ import pytest
 from tolerances import agrees, closed_form, differenced, optimized
 
 import kickdyn as kd
-from kickdyn.impact.contact_motion import contact_motion, free_rise, free_sliding, slip_direction
+from kickdyn.impact.contact_phases import contact_motion, free_rise, free_sliding, slip_direction
 from kickdyn.impact.contact_problem import BallBody, Body, ContactPoint, ContactProblem
 from kickdyn.impact.laws import LAWS, solve_contacts
 

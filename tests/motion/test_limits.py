@@ -42,10 +42,10 @@ def test_bodies_are_above_the_ground_and_beside_the_supporting_foot():
     centres, radii = np.array([(0.1, 0.2, 0.3), (0.4, -0.1, 0.05)]), np.array([0.04, 0.02])
     spheres, tree = Spheres(centres, radii), SimpleNamespace(point=lambda joint, centre: centre)
     sample = SimpleNamespace(tree=tree)
-    assert margins(Clearance("foot", 1, spheres), sample) == pytest.approx([0.26, 0.03])
-    right = margins(Apart("foot", 1, spheres, edge=0.25, side=-1.0), sample)
+    assert margins(Clearance(1, spheres), sample) == pytest.approx([0.26, 0.03])
+    right = margins(Apart(1, spheres, edge=0.25, side=-1.0), sample)
     assert right == pytest.approx([0.05 - 0.04, 0.35 - 0.02])
-    left = margins(Apart("foot", 1, spheres, edge=-0.15, side=1.0), sample)
+    left = margins(Apart(1, spheres, edge=-0.15, side=1.0), sample)
     assert left == pytest.approx([0.35 - 0.04, 0.05 - 0.02])
 
 

@@ -9,7 +9,7 @@ import pytest
 from tolerances import agrees, closed_form
 
 import kickdyn as kd
-from kickdyn.flight.ground_motion import bounce
+from kickdyn.flight.follow import bounce
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -10,8 +10,7 @@ from scipy.integrate import solve_ivp
 from tolerances import agrees, closed_form, integrated
 
 import kickdyn as kd
-from kickdyn.flight.follow import LEAST_REBOUND
-from kickdyn.flight.ground_motion import bounce, roll, rolling_share, slide, slip
+from kickdyn.flight.follow import LEAST_REBOUND, bounce, roll, rolling_share, slide, slip
 from kickdyn.ground import SURFACES, Surface
 
 BALL, HEAVY = kd.Ball(), kd.Ball(0.6, 0.2, 0.4)

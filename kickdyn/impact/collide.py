@@ -421,15 +421,21 @@ def _pressed_by(equations: CompliantContact, force: NormalForce) -> InvalidInput
         speed += " and with these joint torques"
     if isinstance(equations, PatchContact):
         patch = equations.patch
-        cause = f"patch width is {patch.width:g} m, with an offset of {patch.offset:g} m"
-        remedy = "a wider strip, a smaller offset or a slower foot is within the model"
-    elif not isinstance(force, ForceModel) or force.exponent == LINEAR:
-        cause, remedy = f"ball pressure is {ball.pressure:g} Pa", "more pressure makes it stiffer"
-    else:
-        cause = f"stiffness is {force.stiffness:g} N/m^1.5"
-        remedy = "a shorter contact time makes it stiffer"
-    pressed = f"the ball would be pressed beyond its radius of {ball.radius:g} m {speed}"
-    return InvalidInput(f"{cause}: {pressed}; {remedy}")
+        return InvalidInput(
+            f"patch width is {patch.width:g} m: {speed} and with an offset of {patch.offset:g} m, "
+            f"the strip would press the ball beyond its radius of {ball.radius:g} m; a wider "
+            "strip, a smaller offset or a slower foot is within the model"
+        )
+    pressed = (
+        "which is too low: the ball would be pressed beyond its radius of "
+        f"{ball.radius:g} m {speed}"
+    )
+    if not isinstance(force, ForceModel) or force.exponent == LINEAR:
+        return InvalidInput(f"ball pressure is {ball.pressure:g} Pa, {pressed}")
+    return InvalidInput(
+        f"stiffness is {force.stiffness:g} N/m^1.5, {pressed}; a shorter contact time makes it "
+        "stiffer"
+    )
 
 
 def duration(

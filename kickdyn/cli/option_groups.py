@@ -109,12 +109,15 @@ class FootOptions:
         return math.radians(angle)
 
 
+DEFAULT_BALL = "size-5"
+
+
 @dataclass(frozen=True)
 class BallOptions:
     """The ball: mass [kg], radius [m] and perhaps pressure [Pa], or a name."""
 
     ball: str = option(
-        "--ball", default="size-5", metavar="MASS:RADIUS[:PRESSURE]|size-5|paper",
+        "--ball", default=DEFAULT_BALL, metavar="MASS:RADIUS[:PRESSURE]|size-5|paper",
         help="Mass [kg], radius [m] and gauge pressure [Pa], or a name.",
     )  # fmt: skip
 

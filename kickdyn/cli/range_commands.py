@@ -16,6 +16,7 @@ import click
 from kickdyn.cli.commands import busy
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
+    DEFAULT_BALL,
     AirOptions,
     BallOptions,
     PlotOptions,
@@ -86,6 +87,9 @@ def reach(
     output.name_written(output.plot, output.out)
 
 
+FORM = "LOW,HIGH, LOW,HIGH,STEP or a value, such as 7.2,8.2"
+
+
 @dataclass(frozen=True)
 class RangeOptions:
     """The ranges of a library; angles in degrees."""
@@ -122,7 +126,7 @@ class RangeOptions:
         ranges = dict[str, Any]()
         for name in AXES:
             if (text := getattr(self, name)) is not None:
-                values = _numbers(name, text, (1, 2, 3), "LOW,HIGH, a step or not, or a value")
+                values = _numbers(name, text, (1, 2, 3), FORM)
                 scale = math.radians(1.0) if name in ("elevation", "azimuth") else 1.0
                 ranges[name] = [scale * value for value in values]
         return ranges
@@ -170,6 +174,8 @@ def kick_library(
         check_motion_name(output.out)
         if output.kick is None:
             raise InvalidInput("--out writes the motion of a kick: name it with --kick")
+    reads = ranges.speed is None and ball.ball == DEFAULT_BALL
+    struck = None if reads else ball.load()  # a library that is read has its ball
     with busy("planning motions") as show, ranges.executor() as executor:
         begun: dict[str, tuple[float, int]] = {}
 
@@ -180,7 +186,7 @@ def kick_library(
             show(f"{count} of {total} {what}{remaining}")
 
         library = make_library(
-            leg.load(), file, ball.load(), **ranges.ranges(), height=ranges.height,
+            leg.load(), file, struck, **ranges.ranges(), height=ranges.height,
             contact=contact.contact(), executor=executor, progress=progress,
         )  # fmt: skip
         if ranges.correct:

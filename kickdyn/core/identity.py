@@ -1,5 +1,6 @@
 """Digests of functions and numbers that do not depend on the Python version or the processor."""
 
+import ast
 import builtins
 import hashlib
 import inspect
@@ -8,6 +9,7 @@ import textwrap
 import types
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -101,16 +103,42 @@ def _of_function(function: types.FunctionType, visited: set[int]) -> Iterator[st
 
 
 def source_text(function: types.FunctionType) -> str:
-    """Return the source text of a function, of a lambda the lines on which it stands.
+    """Return the source text of a function, of a lambda the statement in which it stands.
 
     Raises `NotIdentifiedError` if there is none.
     """
+    code, name = function.__code__, function.__name__
+    missing = NotIdentifiedError(f"the function {name!r} has no source text")
+    if code.co_filename == "<string>":  # of `exec`
+        raise missing
     try:
-        if function.__code__.co_filename == "<string>":  # of `exec`
-            raise OSError
-        return textwrap.dedent(inspect.getsource(function)).strip()
+        text = "".join(inspect.findsource(function)[0])
+        statements = _statements(text)
     except (OSError, TypeError, SyntaxError, IndexError):
-        raise NotIdentifiedError(f"the function {function.__name__!r} has no source text") from None
+        raise missing from None
+    line = code.co_firstlineno
+    if code.co_name == "<lambda>":
+        ends = ((node, node.end_lineno or 0) for node in statements)
+        around = [node for node, end in ends if _first_line(node) <= line <= end]
+    else:
+        around = [
+            node for node in statements
+            if (getattr(node, "name", ""), _first_line(node)) == (code.co_name, line)
+        ]  # fmt: skip
+    if not around:
+        raise missing
+    innermost = max(around, key=lambda node: (_first_line(node), node.col_offset))
+    return textwrap.dedent(ast.get_source_segment(text, innermost, padded=True) or "")
+
+
+@lru_cache(maxsize=16)
+def _statements(text: str) -> tuple[ast.stmt, ...]:
+    return tuple(node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.stmt))
+
+
+def _first_line(node: ast.stmt) -> int:
+    lines = [line.lineno for line in getattr(node, "decorator_list", [])]
+    return int(min([node.lineno, *lines]))
 
 
 def _names(code: types.CodeType) -> set[str]:

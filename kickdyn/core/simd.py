@@ -70,13 +70,13 @@ class _Batches(types.Record):
 
 
 _FIRST = {"target": "cpu"}
-"""Mark of the rules that numba asks first for the type of a result.
+"""Mark of rules for the type of a result that numba asks first.
 
 For an operator it asks up to 18 rules, most of them for lists and strings, which takes a third of
 the time of a compilation if those for batches and for entries of arrays are the last.
 """
-for _rule in (GetItemBuffer, SetItemBuffer):
-    _rule.metadata = _FIRST
+for _access, _rule in ((operator.getitem, GetItemBuffer), (operator.setitem, SetItemBuffer)):
+    infer_global(_access)(type(_rule.__name__, (_rule,), {"metadata": _FIRST}))
 
 _batch, _mask = _Batch("Batch"), _Mask("Mask")
 register_model(_Batch)(lambda manager, kind: models.PrimitiveModel(manager, kind, _FLOATS))

@@ -170,6 +170,8 @@ class Learner(ReprMixin):
                 f"goal is {float(goal.target[2]):g} m above the launch: the learner observes "
                 "landings at the height of the launch"
             )
+        if isinstance(leg, KickLibrary):
+            leg.check_settings({}, ball, None, None)
         self.goal, self.ball, self.leg, self._model = goal, ball, leg, air
         restitution = validation.number("restitution", restitution, at_least=0.01, at_most=0.99)
         self._first_restitution = restitution
@@ -335,7 +337,7 @@ class Learner(ReprMixin):
                 self.leg, goal, self.ball, None, contact=contact, ball_position=self._ball_height,
                 motion=self._motion,
             )  # fmt: skip
-        after = plan.impact.ball_after
+        after = self._struck(plan, self._theta[3])
         launch_velocity = _aimed(after.velocity, [0.0, self._theta[4], self._theta[5]])
         expected = BallState(after.position, launch_velocity, after.spin)
         when = self.launch.time if plan.share == 1.0 else None
@@ -346,6 +348,11 @@ class Learner(ReprMixin):
         """Return the logarithm of the launch speed over the commanded speed, without a leg."""
         return math.log((1.0 + float(expit(logit_e))) / (1.0 + self._first_restitution))
 
+    def _struck(self, plan: KickPlan, logit_e: float) -> BallState:
+        """Return the ball that a kick gives with a restitution."""
+        contact = replace(plan.impact.contact, restitution=float(expit(logit_e)))
+        return strike(plan.impact.posture, plan.v, self.ball, contact).ball_after
+
     def _launched(self, values: Array, command: Command) -> BallState:
         """Return the launch that a command becomes, at the origin.
 
@@ -353,9 +360,7 @@ class Learner(ReprMixin):
         speed, and the sums of the errors of aim and of the kick's own angles [rad].
         """
         if isinstance(command, KickPlan):
-            contact = replace(command.impact.contact, restitution=float(expit(values[3])))
-            impact = strike(command.impact.posture, command.v, self.ball, contact)
-            state, gain = impact.ball_after, 0.0
+            state, gain = self._struck(command, values[3]), 0.0
         else:
             state, gain = command, self._gain(float(values[3]))
         velocity = _aimed(state.velocity, [values[4] + gain, values[5], values[6]])

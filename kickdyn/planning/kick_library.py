@@ -152,7 +152,7 @@ def _checked_range(name: str, value: Range | None) -> tuple[float, ...] | None:
     if values.shape not in ((1,), (2,), (3,)) or pair[0] > pair[-1] or (step <= 0.0).any():
         raise InvalidInput(
             f"{name} is {validation.brief(value)}: it must be a value, or the least and the "
-            "largest one, and a step above 0"
+            "largest one, or these and a step above 0"
         )
     above = 0.0 if name == "speed" else -math.inf
     most = {"elevation": math.pi / 2, "azimuth": math.pi}.get(name, math.inf)
@@ -417,6 +417,8 @@ class KickLibrary(ReprMixin):
         inside = (a["cell_lower"] - SAME <= point) & (point <= a["cell_upper"] + SAME)
         cells = inside[:, 1:].all(axis=1) & (a["cell_reasons"] == "")
         speed = float(a["cell_upper"][cells, 0].max(initial=0.0))
+        if speed == reader.upper[0]:
+            return speed, "it is the largest one of the library"
         point[0] = speed + SAME if speed else point[0]
         return speed, self._why_not(point).partition(";")[0]
 
@@ -424,7 +426,8 @@ class KickLibrary(ReprMixin):
     def plot(self) -> Any:
         """Return a figure of matplotlib: cells on two axes, with their least margins as shares.
 
-        Cells with kicks are coloured, others are grey. Without two axes with a range it raises
+        Cells with kicks are coloured, others are grey. Margins are those of limits that have a
+        share, as torques, speeds and friction. Without two axes with a range it raises
         `InvalidInput`; of further axes, the middle is drawn. Lines on speeds and elevations are how
         far the ball flies in the air at 20 degrees, until it is as high as before [m].
         """
@@ -455,6 +458,7 @@ class KickLibrary(ReprMixin):
         kicks = PatchCollection(groups[True], cmap="viridis", edgecolor="white")
         kicks.set_array(100.0 * np.array(margins))
         axes.add_collection(kicks)
+        kicks.set_clim(0.0, max([1.0, *(100.0 * margin for margin in margins)]))
         figure.colorbar(kicks, label="least margin [% of the limit]")
         if (i, j) == (0, 1):
             grid = np.meshgrid(*np.linspace(reader.lower[:2], reader.upper[:2], 12).T)
@@ -549,7 +553,8 @@ class LibraryKick(ReprMixin):
             margins = {name: value for name, value in self.margins.items() if _unit(name) == unit}
             if margins:
                 nearest = min(margins, key=margins.__getitem__)
-                yield row, f"{margins[nearest]:.4g} {unit}, {nearest.split(' [')[0]}", ""
+                value = f"{margins[nearest]:.4g} {unit}".rstrip()
+                yield row, f"{value}, {nearest.split(' [')[0]}", ""
 
     def to_json(self) -> dict[str, Any]:
         """Return the launch, the place of the ball and the margins."""
@@ -598,4 +603,6 @@ def _shown(axis: str, low: float, high: float) -> str:
 
 def _unit(margin: str) -> str:
     """Return the unit in the name of a margin; empty for a share of a limit."""
+    if margin == "the tilt of the trunk":
+        return "cosine"
     return margin.partition(" [")[2].removesuffix("]")

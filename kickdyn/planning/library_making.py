@@ -3,7 +3,7 @@
 import json
 import math
 import pickle
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import replace
@@ -35,6 +35,9 @@ STEPS = {"speed": 0.04, "elevation": math.radians(2), "azimuth": math.radians(2)
 ATTEMPTS, REFINEMENTS = 2, 1
 """Neighbours from which a motion is sought at most, and how often a cell that is not covered is
 halved."""
+
+MOST_NODES = 100_000
+"""Motions of the largest grid, which take days."""
 
 Key = tuple[int, ...]
 """A point of the lattice of a library: numbers of steps along the axes that have a range."""
@@ -83,6 +86,7 @@ class LibraryMaking:
         self.ranges = ranges
         self.lower, self.upper = np.zeros(5), np.zeros(5)
         self.nodes: dict[Key, str] = {}  # why there is no motion; empty where there is one
+        self.tried: dict[Key, set[Key]] = {}  # neighbours from which a motion was sought
         self.checks: dict[str, tuple[str, list[float]]] = {}
         self.coefficients: dict[Key, Array] = {}
 
@@ -116,6 +120,15 @@ class LibraryMaking:
 
     def _begin(self) -> None:
         """Plan the first motion, or read what is stored."""
+        steps = STEPS | {"speed": STEPS["speed"] * (self.ranges["speed"] or (0.0, 0.0))[1]}
+        steps |= {name: ends[2] for name, ends in self.ranges.items() if ends and len(ends) > 2}
+        size = math.prod(1.0 + (ends[1] - ends[0]) / steps[name]
+                         for name, ends in self.ranges.items() if ends)  # fmt: skip
+        if size > MOST_NODES:
+            raise InvalidInput(
+                f"a grid of these ranges has {size:.3g} motions: it must have at most {MOST_NODES},"
+                " by smaller ranges or larger steps"
+            )
         robot = self.kicks.robot
         settings = json.dumps([
             self.ranges, REFINEMENTS, repr(self.kicks.ball), repr(self.kicks.contact),
@@ -145,8 +158,6 @@ class LibraryMaking:
         self.kicks = replace(self.kicks, joints=joints, aside=aside, near=first["near"])
         self.pickled = pickle.dumps(self.kicks)
         self.active = np.flatnonzero(self.upper > self.lower)
-        steps = STEPS | {"speed": STEPS["speed"] * self.upper[0]}
-        steps |= {name: ends[2] for name, ends in self.ranges.items() if ends and len(ends) > 2}
         self.steps = np.array([*steps.values()])
         span = (self.upper - self.lower)[self.active]
         counts = np.ceil(span / self.steps[self.active] - 1e-9)
@@ -185,11 +196,10 @@ class LibraryMaking:
         """Plan motions next to those that there are, outward, until no more is found."""
         sizes = (self.unit,) * len(self.counts)
         grid = [*product(*(range(0, count * self.unit + 1, self.unit) for count in self.counts))]
-        tried = {key: {*self._motions_near(key, sizes)} for key in self.nodes}
         while True:
             tasks = []
             for key in grid:
-                former = tried.setdefault(key, set())
+                former = self.tried.setdefault(key, set())
                 others = self._motions_near(key, sizes)
                 near = [other for other in others if other not in former]
                 near = near[: max(ATTEMPTS - len(former), 0)]
@@ -212,15 +222,15 @@ class LibraryMaking:
             for key, near in tasks
         ]
         results = in_order(self.executor, partial(_call, next_motion, self.pickled), jobs)
-        for (key, _), found in zip(tasks, results, strict=True):
-            self._keep(key, found)
+        for (key, near), found in zip(tasks, results, strict=True):
+            self._keep(key, found, near)
             self.progress("motions", len(self.nodes), max(total, len(self.nodes)))
 
-    def _keep(self, key: Key, found: Found) -> None:
-        """Store a motion, or why there is none."""
+    def _keep(self, key: Key, found: Found, near: Sequence[Key] = ()) -> None:
+        """Store a motion that was sought from neighbours, or why there is none."""
         if not found.reason:
             _write_arrays(self._node_file(key), found.solution)
-        self._log({"node": key, "reason": found.reason})
+        self._log({"node": key, "reason": found.reason, "from": near})
         self.nodes[key] = found.reason
 
     def _node_file(self, key: Key) -> Path:
@@ -241,7 +251,9 @@ class LibraryMaking:
         for line in lines:
             entry = json.loads(line)
             if "node" in entry:
-                self.nodes[tuple(entry["node"])] = entry["reason"]
+                key = tuple(entry["node"])
+                self.nodes[key] = entry["reason"]
+                self.tried.setdefault(key, set()).update(map(tuple, entry["from"]))
             else:
                 self.checks[entry["check"]] = entry["reason"], entry["margins"]
 

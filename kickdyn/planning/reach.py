@@ -34,7 +34,7 @@ from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.kick import plan_kick, replan_motion
 from kickdyn.planning.kick_library import KickLibrary
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.kick_reader import launch_velocity
+from kickdyn.planning.kick_reader import checksum, launch_velocity
 from kickdyn.robot.leg import Leg
 
 ELEVATIONS = (0.0, 10.0, 20.0, 30.0, 45.0)
@@ -212,6 +212,7 @@ def reach(
         "joints": list(leg.joint_names),
         "supports": [support.frame for support in leg.supports],
         "mass": round(sum(float(body.mass) for body in leg.model.inertias), 6),
+        **({} if library is None else {"library": checksum(library.reader.arrays)}),
         "options": {name: repr(value) for name, value in options.items()},
         "ball": repr(ball),
         "air": repr(air),

@@ -288,12 +288,6 @@ def _comparison(
                 paths[name], measured[name] = item.flight, item.track.positions
             case Flight() | Course():
                 paths[name] = item
-            case Pass():
-                paths[name] = item.course
-            case Identification():
-                paths[name], measured[name] = item.flight, item.track.positions
-            case Flight() | Course():
-                paths[name] = item
             case _:
                 raise InvalidInput(f"a page cannot show a {type(item).__name__}")
     if impacts and paths:

@@ -87,6 +87,9 @@ def test_text_and_values_count(load, name, old, new):
 
 
 def test_a_lambda_counts_with_its_statement(load):
+    """Also if it begins in brackets and goes on in the next line."""
+    longer = ("r * LEVEL,", "r * LEVEL\n    + 0.1,"), ("r * LEVEL,", "r * LEVEL\n    + 0.4,")
+    assert len({digest(load(edit)["three"]) for edit in longer}) == 2
     assert source_text(load()["one"]) == "one, two = lambda r, s: 0.25, lambda r, s: 0.5"
 
 

@@ -282,12 +282,16 @@ def test_a_learner_corrects_kicks_of_a_library(library):
     goal, turn = kd.Goal(5.3, speed=12.2), pin.rpy.rpyToMatrix(0.0, -0.007, 0.0)
     library = KickLibrary(library.file, library.robot)
     learner = kd.Learner(goal, ball, air, library, scatter=0.002, deviation=0.005)
+    assert learner.command.landing_error < 1e-6
+    with pytest.raises(InvalidInput, match=r"0\.3.*exists, for 0\.43 kg"):
+        kd.Learner(goal, kd.Ball(mass=0.3), air, library)
     misses = []
     for _ in range(3):
         contact = replace(learner.command.impact.contact, restitution=0.79)
         hit = kd.strike(learner.command.impact.posture, learner.command.v, ball, contact).ball_after
         path = kd.fly(kd.BallState(velocity=turn @ hit.velocity), ball, air)
         learner.observe(path.landing.position, path.duration)
+        assert learner.command.landing_error < 5e-3  # of the ball that is expected
         misses.append(math.hypot(*(path.landing.position - goal.target)))
     assert misses[0] > 0.1
     assert misses[2] < 0.02
@@ -298,6 +302,7 @@ def test_the_reach_of_a_library_is_its_largest_covered_speed(library):
     outside, inside = table.rows
     assert (outside.speed, inside.speed) == (0.0, 12.4)
     assert outside.reason.startswith("elevation is 5 deg, outside of")
+    assert inside.reason == "it is the largest one of the library"
     assert library.kick_at([inside.speed, math.radians(11), 0.0, *library.place(None)]).met
     arrays = library.reader.arrays | {
         "cell_reasons": np.array(["slips"] * library.reader.arrays["cell_reasons"].size)

@@ -1,7 +1,7 @@
 """The command `kickdyn identify`: flights in a measured track, and coefficients of the air."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
@@ -54,8 +54,12 @@ class MeasurementOptions:
         return Track.from_csv(file, [name.strip() for name in self.columns.split(",")])
 
 
-Fit = tuple[int, int, Identification]
-"""A flight that was fitted: its first sample, the one after its last, and the result."""
+class Fit(NamedTuple):
+    """A flight that was fitted: its first sample, the one after its last, and the result."""
+
+    first: int
+    last: int
+    result: Identification
 
 
 @command("identify")
@@ -113,7 +117,7 @@ def identify(
             try:
                 part = track[first:last]
                 result = identify_flight(part, struck_ball, air, free=["spin", *fitted])
-                fits.append((first, last, result))
+                fits.append(Fit(first, last, result))
             except KickdynError as error:
                 if split is None:
                     raise
@@ -121,9 +125,9 @@ def identify(
     output.write_json(_document(split, fits, failures))
     if output.prints:
         _print(split, fits, failures)
-    longest_first = sorted(fits, key=lambda fit: -fit[2].track.duration)
+    longest_first = sorted(fits, key=lambda fit: -fit.result.track.duration)
     if fits:
-        output.save_plot(longest_first[0][2].plot)
+        output.save_plot(longest_first[0].result.plot)
     if output.view is not None and fits:
         from kickdyn.view.caption import MOST_FLIGHTS  # imports meshcat
 
@@ -135,9 +139,9 @@ def identify(
 def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None:
     lines = [] if split is None else [f"{split}\n"]
     if len(fits) == 1:
-        lines.append(str(fits[0][2]))
+        lines.append(str(fits[0].result))
     elif fits:
-        names = fits[0][2].names[6:]  # without position and velocity
+        names = fits[0].result.names[6:]  # without position and velocity
         heads = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in names]
         head = "".join(f"{head:>20}" for head in heads)
         lines.append(f"samples     speed [m/s]  left out  rms [cm]  {head}")
@@ -157,10 +161,10 @@ def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None
             f"{AVERAGED[name]} over the whole track: {mean or unknown}"
             for name, mean in _means(fits).items()
         ]
-        if warned := [fit for fit in fits if fit[2].warnings]:
+        if warned := [fit for fit in fits if fit.result.warnings]:
             lines.append(
                 f"{len(warned)} of {len(fits)} flights have warnings: --json FILE writes them, "
-                f"--start {warned[0][0]} --end {warned[0][1]} prints one flight's"
+                f"--start {warned[0].first} --end {warned[0].last} prints one flight's"
             )
     elif not failures:
         lines.append(
@@ -179,7 +183,7 @@ def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None
 
 
 def _means(fits: list[Fit]) -> dict[str, FlightMean | None]:
-    results = [result for *_, result in fits]
+    results = [fit.result for fit in fits]
     return {
         name: mean_over_flights(results, name)
         for name in AVERAGED

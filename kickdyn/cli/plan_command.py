@@ -222,9 +222,8 @@ def height_of_ball(leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> fl
         return None
     standing = leg.posture(leg.configuration()).with_contact_offset(offset)
     foot = float(standing.contact_point[2])
-    # a robot's toe must point ahead
-    # share of the height of a robot's straight leg by which its hips are lower when it kicks: its
-    # knees are bent, by 52 degrees if it stood on that foot
+    # A robot's toe must point ahead: when it kicks, its hips are lower by a tenth of the height of
+    # the straight leg. The knees would be bent by 52 degrees if it stood on that foot.
     crouch = 0.0 if leg.contact_normal_cone is None else 0.1
     return foot + ball.radius - crouch * foot
 

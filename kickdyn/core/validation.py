@@ -239,7 +239,7 @@ def mapping(name: str, value: object) -> dict[str, Any]:
     """Return a mapping as a dict, None as an empty one; else raise `InvalidInput`."""
     if value is None or isinstance(value, Mapping):
         return dict(value or {})
-    raise InvalidInput(f"{name} is {value!r}: it must map names to values")
+    raise InvalidInput(f"{name} is {brief(value)}: it must map names to values")
 
 
 def direction(name: str, value: ArrayLike) -> Array:

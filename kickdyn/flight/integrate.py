@@ -146,16 +146,16 @@ class _Fall(NamedTuple):
 
 
 class Step:
-    """A step of an integration from a state `before` and its rates, and, once it is taken, its end.
+    """A step of an integration, `length` long, from the time `begin` [s] and the state `before`.
 
-    It begins at a time, and has a length [s].
+    Once it is taken, it has an end.
     """
 
     state: Array  # at the end, shape `(m,)`
     stages: Array  # rates of all stages, the first one those at the beginning; some rows follow
     error: float  # estimated, over the tolerated one
-    end: list[float]  # the state at the end
-    ahead: list[float]  # and shortly after it
+    end: list[float]  # the state at the end, as numbers
+    ahead: list[float]  # the state shortly after the end
 
     def __init__(
         self, motion: "Integration", begin: float, before: Array, rates: Array, length: float

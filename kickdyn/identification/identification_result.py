@@ -191,14 +191,14 @@ class Identification(ReprMixin):
 
 
 class FlightMean(NamedTuple):
-    """A `weighted_mean` over flights, its standard error and scatter, and their speeds [m/s]."""
+    """The mean of a value over flights that were fitted one by one, by `weighted_mean`."""
 
     mean: float
-    deviation: float
-    scatter: float
-    flights: int
-    slowest: float
-    fastest: float
+    deviation: float  # standard error of the mean
+    scatter: float  # standard deviation between flights beyond the flights' own deviations
+    flights: int  # number of flights that determine the value
+    slowest: float  # lowest mean speed of these flights [m/s]
+    fastest: float  # highest one [m/s]
 
     def __str__(self) -> str:
         scatter = f"from flight to flight it scatters by {self.scatter:.2g}"

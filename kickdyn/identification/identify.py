@@ -302,10 +302,9 @@ def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
     for _ in range(4):  # the spread of the residuals and the outliers depend on each other
         spread = max(1.4826 * float(np.median(np.abs(residuals))), 100.0 * FINEST_TOL * length)
         farthest = np.abs(residuals).reshape(-1, 3).max(axis=1)
-        # where more samples are far off, the model does not describe the flight
-        # fraction of the samples that are used at least
-        # residuals of more than this many standard deviations are left out: in normally
-        # distributed noise seven of a million are
+        # Residuals of more than 4.5 standard deviations are left out: in normally distributed noise
+        # seven of a million are. At least 90 % of the samples are used: where more are far off, the
+        # model does not describe the flight.
         limit = max(4.5 * spread, float(np.quantile(farthest, 0.9)))
         used_before, used = used, np.repeat(farthest <= limit, 3)
         tol_before, tol = tol, min(max(1e-3 * spread / length, FINEST_TOL), COARSEST_TOL)
@@ -348,7 +347,7 @@ def _minimise(
     only.
     """
     residuals, slopes = evaluate(start)
-    # residual where no flight can be integrated [m]: no step of a solver ends there
+    # residuals where no flight can be integrated [m], so large that no step of a solver ends there
     failed = np.full(residuals.size, 1e6), slopes
 
     @keep_last

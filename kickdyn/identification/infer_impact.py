@@ -322,7 +322,10 @@ def _check_ball(ball: Ball) -> None:
     """Raise `InvalidInput` for a ball whose motion does not show the impulse."""
     ball.check_movable("an inferred impact")
     if not math.isfinite(ball.inertia):
-        raise InvalidInput("inertia factor is inf: the normal follows from how the ball turns")
+        raise InvalidInput(
+            "inertia factor is inf: the normal follows from how the ball turns, which needs a "
+            "finite inertia"
+        )
 
 
 def _with_deviations(

@@ -94,7 +94,10 @@ def ball_side(track: Track, side: str, begin: float, end: float, moment: float) 
     inverse = np.linalg.inv(rows.T @ rows)
     fall, spread = 2.0 * fitted[2], 8.0 * np.sqrt(variance * inverse[2, 2])
     if fall[1] + spread[1] < -0.5 * GRAVITY and fall[2] - spread[2] > -0.5 * GRAVITY:
-        raise InvalidInput(f"the ball falls along y {side} the contact: its track must have z up")
+        raise InvalidInput(
+            f"the ball falls along y {side} the contact, with {-fall[1]:.2g} m/s2: positions of "
+            "its track must have z up"
+        )
     return BallSide(*fitted[:2], *(np.sqrt(variance * inverse[i, i]) for i in (0, 1)))
 
 

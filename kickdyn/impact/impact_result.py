@@ -310,7 +310,10 @@ class Impact(AfterApproach):
             >>> round(spread.joints["knee"].force_deviation, 3)  # [N s]
             0.046
         """
-        return uncertainty(self, spread)
+        return uncertainty(
+            self.sensitivity(), self.posture, self.impulse, self.ball_after.velocity,
+            self.joint_impulses, spread,
+        )  # fmt: skip
 
     def plot(self, **spread: ArrayLike) -> Any:
         """Return a matplotlib Figure of the linear impulses in the joints, in journal width.

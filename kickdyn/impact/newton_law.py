@@ -33,7 +33,7 @@ ASTRAY = 0.01
 """Sliding across the friction, relative to the velocity before, from which it does not oppose."""
 
 Matrix = tuple[float, float, float, float, float, float]
-"""Entries 11, 12, 22, 13, 23, 33 of a symmetric matrix."""
+"""Entries 11, 12, 22, 13, 23, 33 of a symmetric matrix; of the Delassus matrix, the normal last."""
 
 Conic = tuple[float, float, float, float, float, float]
 """See `slip_conic`."""

@@ -152,7 +152,7 @@ class PatchForce:
     """What the forces of a patch follow from."""
 
     ball: InflatedForce  # pressure, and loss of the shell
-    half: float  # the width of the strip [m]
+    half: float  # half the width of the strip [m]
     shear: float  # tangential stiffness of the patch over its area [N/m3]
 
     def separation(self, largest: float) -> float:

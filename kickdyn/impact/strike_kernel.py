@@ -107,7 +107,8 @@ def solve_newton_batch(state, ball, u, contact, least):  # type: ignore[no-untyp
     """Fill in the impulse in the contact's axes by the law `newton` if points stick, or in a plane.
 
     Where the foot arrives along the normal and nothing couples it across a plane, friction that
-    does not suffice is at its largest. What cancels to less than a share `least` is doubtful.
+    does not suffice is at its largest. The result is doubtful unless pivots and resistance keep at
+    least a share `least` of their terms.
     Returned is 1 where the points stick; `slips` is set where the direction of their slip is to be
     found, see `slip_batch` and `slip_of_lane`.
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -182,9 +182,18 @@ class Uncertainty(Printed):
         return math.sqrt(sum(float(np.trace(by[result])) for by in self.by_source.values()))
 
 
-def uncertainty(impact: Any, spread: Mapping[str, ArrayLike]) -> Uncertainty:
-    """Propagate uncertainties of sources through an `Impact`, as `Impact.uncertainty` says."""
-    slopes: Sensitivity = impact.sensitivity()
+def uncertainty(
+    slopes: Sensitivity,
+    posture: Posture,
+    impulse: Array,
+    velocity: Array,
+    joint_impulses: Array,
+    spread: Mapping[str, ArrayLike],
+) -> Uncertainty:
+    """Propagate uncertainties of sources through an impact, as `Impact.uncertainty` says.
+
+    The impulse is on the ball [N s], and the velocity the ball's after the impact [m/s], `(3,)`.
+    """
     if not spread:
         raise InvalidInput(f"no source is named: choose among {', '.join(UNITS)}")
     unknown = [name for name in spread if name not in UNITS]
@@ -197,8 +206,8 @@ def uncertainty(impact: Any, spread: Mapping[str, ArrayLike]) -> Uncertainty:
         margin_slope = slopes.margin_slope[name]
         covariance = source_covariance(name, value, margin_slope.shape[1])
         jacobians = {
-            "impulse_size": _size_rows(impact.impulse) @ slopes.impulse[name],
-            "speed": _size_rows(impact.ball_after.velocity) @ slopes.velocity[name],
+            "impulse_size": _size_rows(impulse) @ slopes.impulse[name],
+            "speed": _size_rows(velocity) @ slopes.velocity[name],
             "impulse": slopes.impulse[name],
             "velocity": slopes.velocity[name],
             "spin": slopes.spin[name],
@@ -219,13 +228,16 @@ def uncertainty(impact: Any, spread: Mapping[str, ArrayLike]) -> Uncertainty:
     sigmas = slopes.margin / margin_deviation if margin_deviation > 0.0 else math.inf
     size, speed = (float(np.sqrt(np.trace(totals.pop(name)))) for name in ("impulse_size", "speed"))
     return Uncertainty(
-        **totals, impulse_size=size, speed=speed, joints=_joints(impact, joints_by_source),
+        **totals, impulse_size=size, speed=speed,
+        joints=_joints(posture, joint_impulses, joints_by_source),
         by_source=by_source, branch=slopes.branch,
         branch_sigmas=0.0 if slopes.at_boundary else sigmas,
     )  # fmt: skip
 
 
-def _joints(impact: Any, by_source: Mapping[str, Array]) -> dict[str, JointUncertainty]:
+def _joints(
+    posture: Posture, joint_impulses: Array, by_source: Mapping[str, Array]
+) -> dict[str, JointUncertainty]:
     """Return the uncertainty of each joint from its covariances by source, `(njoints, 6, 6)`."""
 
     def deviation(vector: Array, covariance: Array, rounding: float = 0.0) -> float:
@@ -233,10 +245,8 @@ def _joints(impact: Any, by_source: Mapping[str, Array]) -> dict[str, JointUncer
         return math.sqrt(max(float(np.trace(rows @ covariance @ rows.T)), 0.0))
 
     answer = {}
-    projectors = axis_projectors(impact.posture)
-    for k, (name, impulse) in enumerate(
-        zip(impact.posture.leg.joint_names, impact.joint_impulses, strict=True)
-    ):
+    projectors = axis_projectors(posture)
+    for k, (name, impulse) in enumerate(zip(posture.leg.joint_names, joint_impulses, strict=True)):
         covariance = np.sum([of_source[k] for of_source in by_source.values()], axis=0)
         axis = projectors[k]
         structure = np.eye(6) - axis

@@ -53,8 +53,8 @@ class MotionSplines:
     """Cubic splines of joints from rest to the impact and from there to rest.
 
     Velocity and acceleration are 0 at the beginning and at the end; at the impact positions are
-    equal. The splines are linear maps of coefficients, shape `(size, n)` for n joints, with
-    intervals between knots before and after the impact.
+    equal. The splines are linear maps of coefficients, shape `(size, n)` for n joints. They last
+    `before` and `after` [s], with numbers of `intervals` between knots before and after the impact.
     """
 
     def __init__(self, before: float, after: float, intervals: tuple[int, int]) -> None:

@@ -244,11 +244,12 @@ def _plan(
     whole: Leg | None = None,
     share: float = 1.0,
 ) -> Verdict:
-    """Return the verdict on the best motion of all joints of a task, which takes some `work`.
+    """Return the verdict on the best motion of all joints of a task.
 
-    It starts from a motion `near`, which reaches a share of the launch, or from postures at rest,
-    `starts` at most; with 0, there is one, and limits between points are not sought where it does
-    not reach the whole launch. Limbs at rest of the `whole` leg are put aside of the motion.
+    The search starts from a motion `near`, which reaches a share of the launch, or from postures at
+    rest, `starts` at most; with 0, there is one, and limits between points are not sought where it
+    does not reach the whole launch. All solutions together may take the iterations of `work`. Limbs
+    at rest of the `whole` leg are put aside of the motion.
     """
     former = None if near is None else near.solution
     limited = () if former is None else [name for name in former.limited if name in task.resting]

@@ -75,10 +75,11 @@ def extremes(impacts: list[Impact]) -> dict[str, Impact]:
 def self_motion(leg: Leg, q: ArrayLike) -> list[Posture]:
     """Return the postures that share a contact point, a family of one parameter.
 
-    Each step goes along the null space of the contact point's Jacobian, and is then corrected
-    back to the point. From q, postures go in order from one end of a joint's range to the
-    other, at steps of 0.01 rad in joint space, at most 10,000 each way. Raises `InvalidInput`
-    if q is out of range, or has not one degree of self-motion, of a leg without constraints.
+    Each step from q goes along the null space of the contact point's Jacobian, and is then
+    corrected back to the point. The postures are in order along the motion, from one end of a
+    joint's range to the other, at steps of 0.01 rad in joint space, at most 10,000 in each
+    direction. Raises `InvalidInput` if q is out of range, if the leg has constraints, or if it does
+    not have exactly one degree of self-motion at q.
     """
     start = leg.posture(q)
     freedom = leg.nv - int(np.linalg.matrix_rank(start.jacobian, tol=1e-9))

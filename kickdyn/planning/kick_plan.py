@@ -36,9 +36,12 @@ from kickdyn.robot.leg import Leg
 from kickdyn.robot.names import listed, lock_remedy
 from kickdyn.robot.standing import missing_shapes
 
-MOTION_TIMES, MOST_NAMED = 80, 3
+MOTION_TIMES = 80
 """Number of configurations of a planned motion in which bodies are compared with the ground, the
-ball and each other, and of overlaps in a motion that a line names."""
+ball and each other."""
+
+MOST_NAMED = 3
+"""Number of overlaps in a motion that a line names."""
 
 NO_TARGET = "the plan is a trap: it has no target"
 

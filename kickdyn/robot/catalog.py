@@ -138,7 +138,10 @@ def robots_folder() -> Path:
     for file in files:
         if file.as_posix().endswith("share/example-robot-data/package.xml"):
             return Path(str(file.locate())).resolve().parent / "robots"
-    raise InvalidInput(f'robots need {PACKAGE}, pip install "kickdyn[robots]": {listed([*ROBOTS])}')
+    raise InvalidInput(
+        f'robots need the package {PACKAGE}: install it with pip install "kickdyn[robots]" '
+        f"(there are {listed([*ROBOTS])})"
+    )
 
 
 def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:

@@ -361,7 +361,7 @@ def _meet(
     meets = [ball_proximity(shape.body, point + radius * normal, radius) for shape in shapes]
     nearest = max(meets, key=lambda one: one.depth)
     gap, angle = -nearest.depth, math.acos(np.clip(nearest.normal @ normal, -1.0, 1.0))
-    # angle between the normals of the foot's shapes and of the planned impact that is named [rad]
+    # There is no doubt up to this depth or distance, and up to 5 deg between the normals.
     if abs(gap) <= TOUCHING and angle <= math.radians(5.0):
         return gap, []
     where = "from the ball" if gap > 0.0 else "inside the ball"

@@ -69,7 +69,9 @@ class Support(ValueEquality):
             )
         extent = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
         if not extent[1] > 1e-6 * extent[0]:  # least width of a sole, as a fraction of its length
-            raise InvalidInput(f"sole of {self.frame} is a line: its corners must span an area")
+            raise InvalidInput(
+                f"sole of {self.frame} is {corners.tolist()}: its corners must span an area"
+            )
         corners.setflags(write=False)
         vars(self).update(sole=corners)
 
@@ -418,4 +420,7 @@ def _check_stance(model: Any, name: str, joint: int, contact_joint: int) -> None
     below = joint != base and joint in list(model.supports[contact_joint])
     above = contact_joint != base and contact_joint in list(model.supports[joint])
     if joint == contact_joint or below or above:
-        raise InvalidInput(f"support {name} is on the kicking limb: name a frame of another limb")
+        raise InvalidInput(
+            f"support {name} is on the kicking limb, which moves "
+            f"{model.names[contact_joint]}: name a frame of another limb"
+        )

@@ -161,7 +161,10 @@ def _size(hull: ConvexHull, normal: Array) -> Array:
 
 
 def load_with_surface(frame: str | None, load: Callable[[str | None], Leg]) -> Leg:
-    """Return what `load` returns for the longest frame in FRAME[:SURFACE|:X,Y,Z:NX,NY,NZ]."""
+    """Return the leg that `load` returns for FRAME, FRAME:SURFACE or FRAME:X,Y,Z:NX,NY,NZ.
+
+    Names of frames may contain colons; the longest one that exists counts.
+    """
     names = list(accumulate((frame or "").split(":"), "{}:{}".format))
     faults = []
     for name in names:

@@ -40,9 +40,19 @@ from kickdyn.errors import InvalidInput
 from kickdyn.robot.catalog import SURFACES, TOE, normal_cone
 from kickdyn.robot.urdf_file import UrdfFile, build_model, read_urdf, shipped_urdf
 
-Sex = StrEnum("Sex", {"FEMALE": "female", "MALE": "male"})
-Tables = StrEnum("Tables", {"DE_LEVA": "de Leva", "DUMAS": "Dumas"})
-"""Sex of the persons whose segments were measured, and published tables of segments."""
+
+class Sex(StrEnum):
+    """Sex of the persons whose segments were measured."""
+
+    FEMALE = "female"
+    MALE = "male"
+
+
+class Tables(StrEnum):
+    """Published tables of segments."""
+
+    DE_LEVA = "de Leva"
+    DUMAS = "Dumas"
 
 
 class BodySegment(NamedTuple):

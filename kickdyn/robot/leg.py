@@ -18,7 +18,7 @@ from kickdyn.core.validation import Array, ArrayLike, protect, read_only
 from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.catalog import ROBOTS, TOE, find_description, read_robot
 from kickdyn.robot.constraints import ConstraintProjector, find_open_loops
-from kickdyn.robot.human_body import human_leg
+from kickdyn.robot.human_body import HumanModel, Sex, Side, human_leg
 from kickdyn.robot.joint_table import DEGREES, InDegrees, look_like_degrees
 from kickdyn.robot.leg_model import Drives, LegModel, catalogued_drives
 from kickdyn.robot.mjcf_file import is_mjcf, read_mjcf
@@ -110,6 +110,9 @@ class Leg(LegModel, ReprMixin):
             InvalidInput: a value that is out of range or unknown, or a height without a mass.
         """
         if height is None and mass is None:
+            validation.choice("sex", sex, Sex)
+            validation.choice("side", side, Side)
+            validation.choice("model", model, HumanModel)
             options = (sex, side, model, frame, base, validation.brief(segments))
             if options != ("male", "right", "paper", "toe", "fixed", "'de Leva'"):
                 raise InvalidInput(

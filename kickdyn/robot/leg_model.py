@@ -229,9 +229,9 @@ class LegModel(JointTable):
             vars(self).update(contact_normal_cone=read_only(cone))
         if self.base_velocity is not None:
             twist = validation.vector("base velocity", self.base_velocity, 6)
-            names = ("speed of the base", "angular speed of the base")
-            for name, velocity, unit in zip(
-                names, twist.reshape(2, 3), ("m/s", "rad/s"), strict=True
+            for name, velocity, unit in (
+                ("speed of the base", twist[:3], "m/s"),
+                ("angular speed of the base", twist[3:], "rad/s"),
             ):
                 validation.number(name, math.hypot(*velocity), at_most=100.0, unit=unit)
             vars(self).update(base_velocity=read_only(twist) if twist.any() else None)

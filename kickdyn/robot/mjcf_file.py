@@ -223,7 +223,10 @@ def _checked_file(file: Path, source: str, folders: Iterable[Path]) -> MjcfFile:
                 raise ValueError(fault)
     elements = _count_elements(root)
     if elements > MAX_ELEMENTS:
-        raise ValueError(f"has {elements} elements with copies: at most {MAX_ELEMENTS} are read")
+        raise ValueError(
+            f"has {elements} elements, copies of <replicate> included: at most {MAX_ELEMENTS} "
+            "are read"
+        )
     meshes = _take_meshes(root, files, folder)  # the document names them anew
     text, name = tostring(root, encoding="unicode"), root.get("model", "") or file.stem
     return MjcfFile(text, folder, source, meshes=meshes, name=name)

@@ -52,7 +52,10 @@ def frame_id(model: Any, name: str) -> int:
 
 
 def frames_by_name(model: Any) -> dict[str, int]:
-    """Return the numbers of frames; of one name, a body's, else of no joint, else the first."""
+    """Return the numbers of all frames but the universe.
+
+    Of several frames with one name, it is a body's, else any but a joint's, and the first of these.
+    """
     ranks = {pin.FrameType.BODY: 2, pin.FrameType.JOINT: 0}
     numbered = list(enumerate(model.frames))[:0:-1]  # the first frame of a name replaces the others
     numbered.sort(key=lambda pair: ranks.get(pair[1].type, 1))

@@ -71,7 +71,11 @@ class KickingChain:
 
 
 def assumed_speed_limit(leg: Leg) -> Array:
-    """Return the largest speed of each joint, `(nv,)`: if it has none, of joints of its unit."""
+    """Return the limits of the joints' speeds, shape `(nv,)` [rad/s; m/s for prismatic joints].
+
+    A joint without a limit, or with 0, has the largest limit of the joints of its unit; inf if none
+    of them has one.
+    """
     limit = np.where(leg.velocity_limit > 0.0, leg.velocity_limit, np.inf)
     units = {name: leg.joint_unit(name) for name in leg.single_joints}
     for unit in {*units.values()}:
@@ -84,7 +88,11 @@ def assumed_speed_limit(leg: Leg) -> Array:
 
 
 def rest_configuration(robot: Leg, others: Mapping[str, float] | None = None) -> Array:
-    """Return q with each joint as near to 0 as its range allows, but `others`, `(nq,)`."""
+    """Return q with every joint at the value of its range that is nearest to 0, shape `(nq,)`.
+
+    Joints of several degrees of freedom are at 0, mimic joints where their drivers put them.
+    `others` are values of joints that are elsewhere [rad; m for prismatic joints].
+    """
     following = {mimic.joint for mimic in robot.mimics}
     ranges = {name: robot.joint_range(name) for name in robot.single_joints}
     nearest = {name: min(max(low, 0.0), high) for name, (low, high) in ranges.items()}

@@ -349,7 +349,10 @@ class Scene(ReprMixin):
     def _to_target(self) -> tuple[float, float]:
         """Return the way along the ground from the ball to the point of the plane [m]."""
         if self.plane is None:
-            raise InvalidInput("wall is given without a plane: it is on the line to its point")
+            raise InvalidInput(
+                "wall is given without a plane: it stands on the line from the ball to the plane's "
+                "point"
+            )
         x, y, _ = self.plane.point - self.ball_position
         return float(x), float(y)
 

@@ -184,7 +184,10 @@ def _changed(contact: ContactRows, changes: dict[str, Array]) -> ContactRows:
     restitution, friction = contact.restitution * np.ones(n), contact.friction * np.ones(n)
     if "restitution" in changes:
         if np.isnan(restitution).any():
-            raise InvalidInput("uncertainty of restitution is not drawn where it depends on speed")
+            raise InvalidInput(
+                "uncertainty of restitution is not drawn where it depends on the speed: "
+                "simulate_many needs a number"
+            )
         restitution = np.clip(restitution + changes["restitution"][:, 0], 0.0, 1.0)
     if "friction" in changes:
         friction = np.maximum(friction + changes["friction"][:, 0], 0.0)

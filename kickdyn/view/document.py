@@ -180,7 +180,10 @@ def find_browser() -> str:
     """Return the browser that draws pictures, or raise `InvalidInput` if there is none."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
-        raise InvalidInput("a picture of a page needs Chromium (Debian package chromium)")
+        raise InvalidInput(
+            "a picture of a page needs Chromium: install it (Debian package chromium), "
+            "or write the page alone"
+        )
     return browser
 
 
@@ -306,10 +309,8 @@ def _mesh(lowered: dict[str, Any]) -> Any:
             mesh = trimesh.creation.uv_sphere(geometry["radius"], count=[SEGMENTS, SEGMENTS])
         case "CylinderGeometry":
             height, top, bottom = (geometry[x] for x in ("height", "radiusTop", "radiusBottom"))
-            profile = np.array([(0.0, -0.5), (bottom, -0.5), (top, 0.5), (0.0, 0.5)]) * (
-                1.0,
-                height,
-            )
+            half = 0.5 * height
+            profile = [(0.0, -half), (bottom, -half), (top, half), (0.0, half)]
             mesh = trimesh.creation.revolve(profile, sections=SEGMENTS)  # about z; three.js's is y
             mesh.apply_transform(Z_TO_Y)
         case _:

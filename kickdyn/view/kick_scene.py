@@ -44,6 +44,9 @@ JOINT_ARROW = 0xF28C00
 LEAST_JOINT_IMPULSE = 0.05
 """Least impulse of a joint that gets an arrow, over the largest impulse of the kick."""
 
+LABELLED_JOINTS = 3
+"""Number of joints, those with the largest impulses, whose arrows have a label at all times."""
+
 RATE = 60
 """Pictures per second; what spins faster than half a turn in one cannot be shown anyway."""
 
@@ -236,9 +239,11 @@ def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
 
 
 def draw_impulses(viewer: Any, arrows: Sequence[Arrow], scale: float) -> None:
-    """Draw impulses to a scale [m/(N s)]; labels of all but the largest are under the pointer."""
-    # number of joints, those with the largest impulses, whose arrows have a label at all times
-    shown = sum(arrow.colour == marks.ARROW for arrow in arrows) + 3
+    """Draw impulses as `impulse_arrows` returns them, to a scale [m/(N s)].
+
+    The ball's and the largest of the joints are labelled, the others under the pointer.
+    """
+    shown = sum(arrow.colour == marks.ARROW for arrow in arrows) + LABELLED_JOINTS
     for number, arrow in enumerate(arrows):
         node, tip, is_shown = viewer[arrow.node], scale * arrow.impulse, number < shown
         marks.draw_arrow(node, tip, arrow.colour)

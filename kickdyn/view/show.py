@@ -47,9 +47,11 @@ CURVE_POINTS = 60
 ELLIPSOID = 0x8E44AD
 """Colour of the impulse ellipsoid."""
 
-LONGEST_SHARE, ELLIPSOID_SHARE = 1.6, 0.35
-"""Longest flight that the camera shows, over the first one; largest radius of the first impulse
-ellipsoid over the size of leg and ball."""
+LONGEST_SHARE = 1.6
+"""Length of the longest flight that the camera shows, over the first one's."""
+
+ELLIPSOID_SHARE = 0.35
+"""Largest radius of the first impulse ellipsoid over the size of leg and ball."""
 
 
 class StillKick:

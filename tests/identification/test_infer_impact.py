@@ -249,7 +249,8 @@ def test_each_kick_has_values_and_deviations():
 
 
 def test_a_table_of_kicks_of_other_joints_is_refused():
-    known = inferred(10.0)
     other = kd.Leg.human(height=1.7, mass=60, model="3d")
     with pytest.raises(kd.InvalidInput, match="'b' has other joints than 'a'"):
-        kd.kick_table({"a": known, "b": inferred(9.0, other)})
+        kd.kick_table({"a": inferred(10.0), "b": inferred(9.0, other)})
+    with pytest.raises(kd.InvalidInput, match=r"^kicks is .{1,250}\.\.\.: it must map names"):
+        kd.kick_table([inferred(10.0)])

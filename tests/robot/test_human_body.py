@@ -245,7 +245,8 @@ def test_contact_points_lie_on_the_boot(side, frame, height):
     ({"mass": 580}, "mass is 580.0: .*at least 30"), ({"sex": "f"}, "sex is 'f': .*female, male"),
     ({"base": "free"}, "base is 'free': .*fixed or floating"), ({"frame": "sole"}, "'sole'"),
     ({"segments": "Winter"}, "segments is 'Winter': .*de Leva, Dumas"),
-    ({"height": None, "mass": None}, "height and mass are None")])  # fmt: skip
+    ({"height": None, "mass": None}, "height and mass are None"),
+    ({"height": None, "mass": None, "sex": "f"}, "sex is 'f'")])  # fmt: skip
 def test_bad_arguments_are_refused(change, said):
     with pytest.raises(kd.InvalidInput, match=f"^[^\n]*{said}[^\n]*$"):
         kd.Leg.human(**WOMAN | change)

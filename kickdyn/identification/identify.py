@@ -252,7 +252,10 @@ def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
 def _check_flight(track: Track) -> None:
     check_samples(track)
     if not np.ptp(track.positions, axis=0).any():
-        raise InvalidInput(f"the ball stays at {track.positions[0].tolist()} m: this is no flight")
+        raise InvalidInput(
+            f"the ball stays at {track.positions[0].tolist()} m: it does not move, so this is not "
+            "a flight"
+        )
     if track.duration > LONGEST_FLIGHT:
         raise InvalidInput(
             f"the samples last {track.duration:.4g} s, but no flight takes more than "

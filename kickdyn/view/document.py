@@ -105,7 +105,10 @@ def draw_label(
 
 
 class SceneParts(NamedTuple):
-    """HTML, numbers of packed commands, and of each scene those of its commands and its times."""
+    """Scenes as a page has them: `numbers` of the packed commands, each once, and HTML.
+
+    `scenes` has of each the numbers of its commands in order, and `times` of its animation.
+    """
 
     numbers: dict[bytes, int]
     scenes: list[dict[str, Any]]

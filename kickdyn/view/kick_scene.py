@@ -58,7 +58,11 @@ SWING_LENGTH = 0.6
 
 
 class Arrow(NamedTuple):
-    """An impulse that is drawn: node, start [m], impulse [N s], 0xRRGGBB, name and joint or 0."""
+    """An impulse that is drawn: its node in the viewer, `(3,)` [m] and [N s], and 0xRRGGBB.
+
+    `name` is plain text: the joint that transmits it, or `ball`; `joint` is the number of the
+    joint in the model, and 0 for the ball.
+    """
 
     node: str
     start: Array
@@ -74,7 +78,11 @@ class Arrow(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Times of the kick by picture, `(n,)` [s], the picture of the impact, and the last one."""
+    """Which time of the kick each picture shows.
+
+    `times` belong to the pictures, 0 at the impact, shape `(n,)` [s], and `impact` is the index
+    of the picture of the impact. Leg and ball rest from the last of `times` to the picture `end`.
+    """
 
     times: Array
     impact: int
@@ -256,8 +264,9 @@ def draw_impulses(viewer: Any, arrows: Sequence[Arrow], scale: float) -> None:
 def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -> Pace:
     """Return the pace that shows strike and flight, of this duration [s], in about four seconds.
 
-    A hard strike is slower than the flight. A planned motion takes `backswing` to the impact
-    [s].
+    A hard strike takes a hundredth of the flight's time, so it is shown slower; where the flight
+    is no longer than the strike, both have one pace. A planned motion takes `backswing` [s] from
+    rest to the impact.
     """
     before = 1.2 if backswing is None else 3.0  # shown before the impact [s]
     strike = math.inf if backswing is None else backswing / before

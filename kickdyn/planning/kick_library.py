@@ -28,7 +28,6 @@ from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.batch import fly_many
 from kickdyn.flight.flight_result import Flight
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
@@ -434,6 +433,8 @@ class KickLibrary(ReprMixin):
         from matplotlib.collections import PatchCollection
         from matplotlib.figure import Figure
         from matplotlib.patches import Rectangle
+
+        from kickdyn.flight.batch import fly_many  # imports xarray
 
         reader, a = self.reader, self.reader.arrays
         if len(reader.active) < 2:

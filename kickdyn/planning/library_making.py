@@ -253,7 +253,7 @@ class LibraryMaking:
             if "node" in entry:
                 key = tuple(entry["node"])
                 self.nodes[key] = entry["reason"]
-                self.tried.setdefault(key, set()).update(map(tuple, entry["from"]))
+                self.tried.setdefault(key, set()).update(map(tuple, entry.get("from", ())))
             else:
                 self.checks[entry["check"]] = entry["reason"], entry["margins"]
 
